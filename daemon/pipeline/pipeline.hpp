@@ -1,0 +1,124 @@
+// From sample blocks to fitted pixels in order: extraction thread, fit pool, output thread.
+//
+//     sink -> [extraction thread] -> pixel slots -> [fit workers] -> [output thread] -> PipelineOutputs
+//
+// Pixels wait in a ring of slots in stream order. The extraction fills the next slot and wakes one worker; the
+// output thread retires slots strictly in order, whichever worker was first. When no worker has room, a
+// live source's pixel goes out `not_fitted`; a source that can wait, waits.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "config/configuration.hpp"
+#include "drivers/digitizer.hpp"
+#include "dsp/pixel.hpp"
+#include "fit/fit_result.hpp"
+#include "fit/pixel_fitter.hpp"
+#include "proto/description.hpp"
+
+namespace combforce {
+
+// The description in force from a pixel boundary on; immutable, shared by everything that still refers to it.
+struct Analysis {
+  Description description;
+  ScanLayout layout;               // description.scan, or one window a pixel without it
+  const ModelInfo* model = nullptr;  // null: no cantilever or comb to fit with
+};
+
+// A pixel on its way out. References are valid during the call.
+struct RetiredPixel {
+  const Pixel& pixel;
+  std::span<const std::complex<double>> tip_nm;
+  const FitResult& fit;
+  const Analysis& analysis;
+  double settling_residual;  // exp(-t/tau) of the pixel's own step, largest tau; 0 when tau is not known
+};
+
+// Counts over a line or a frame.
+struct PixelCounts {
+  std::uint64_t pixels = 0;
+  std::array<std::uint64_t, 8> by_status{};  // indexed by FitStatus
+  double settling_residual = 0.0;            // greatest
+};
+
+struct LineDone {
+  LineMark mark;
+  PixelCounts counts;
+};
+
+struct FrameDone {
+  std::uint32_t frame = 0;
+  PixelCounts counts;
+};
+
+// Something a person should hear of. `kind`: gap, epoch, dropped, change, record_gap, record_failed, scan_ended, stream_ended …
+struct Event {
+  std::string kind;
+  std::uint64_t first_sample = 0;
+  std::uint64_t count = 0;  // frames lost, for gap, dropped, record_gap
+  std::string text;
+};
+
+// Called from the output thread, one at a time, in stream order. Empty functions are not called.
+struct PipelineOutputs {
+  std::function<void(const RetiredPixel&)> pixel;
+  std::function<void(const LineDone&)> line;
+  std::function<void(const FrameDone&)> frame;
+  std::function<void(const Event&)> event;
+  // A new analysis is in force from this stream sample on (not called for the first).
+  std::function<void(std::uint64_t first_sample, const Analysis&)> change;
+};
+
+// A change known beforehand (captures of a recording that carry afm: objects).
+struct ScheduledChange {
+  std::uint64_t first_sample = 0;
+  Description description;  // whole, not a difference
+};
+
+struct PipelineStatus {
+  std::uint64_t pixels_extracted = 0, pixels_retired = 0, not_fitted = 0;
+  std::uint64_t next_sample = 0;  // one past the last frame extraction has seen
+  std::uint32_t epoch = 0;
+  double extraction_busy = 0.0;   // share of wall time, since start
+  unsigned threads = 0;
+};
+
+class Pipeline {
+ public:
+  // Throws std::invalid_argument on a description that cannot be analysed (no comb, scan that does not fit, …).
+  // `info` and `sink` are of the digitizer that will be started after start().
+  Pipeline(const StreamInfo& info, BlockSink& sink, const PipelineSettings& settings, Description description,
+           std::vector<ScheduledChange> changes, PipelineOutputs outputs);
+  ~Pipeline();  // stops
+  Pipeline(const Pipeline&) = delete;
+  Pipeline& operator=(const Pipeline&) = delete;
+
+  void start();
+  void wait();  // until the stream has ended and every pixel is retired
+  void stop();  // cancels the sink, retires what is extracted, joins; idempotent
+
+  // Controls, from one control thread. They take effect at the next pixel boundary.
+  void change(Description description);
+  std::shared_ptr<const Analysis> analysis() const;  // last one asked for
+  // Line begins at mark.first_sample; for digitizers that do not mark lines. False: too many pending marks.
+  bool mark_line(const LineMark& mark);
+  // Averages the next `windows` free windows and calls `done` from the output thread: the response, or why not (a gap).
+  // One at a time: throws std::logic_error while another is under way.
+  void capture_free(std::uint32_t windows, std::function<void(std::optional<FreeResponse>, std::string)> done);
+
+  PipelineStatus status() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace combforce

@@ -1,0 +1,30 @@
+// What a channel of the stream carries and how its codes become volts (recording contract, afm:channels).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace combforce {
+
+enum class ChannelRole : std::uint8_t { deflection, z, reference, marker };
+
+struct Channel {
+  struct ClipCodes {
+    double lo, hi;  // a code <= lo or >= hi is clipped
+    bool operator==(const ClipCodes&) const = default;
+  };
+  std::string name;
+  ChannelRole role = ChannelRole::deflection;
+  std::string unit = "V";  // of scale * code + offset: "V", or "nm" for a z channel
+  double scale = 1.0;
+  double offset = 0.0;
+  std::optional<ClipCodes> clip_codes;  // absent: i16 streams clip at -32768 and 32767, f32 never
+
+  bool operator==(const Channel&) const = default;
+};
+
+using Channels = std::vector<Channel>;  // in the order of interleaving
+
+}  // namespace combforce

@@ -1,0 +1,43 @@
+// What a fit says of a pixel. Fixed capacity: results travel through preallocated slots.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace combforce {
+
+inline constexpr std::size_t max_parameters = 6;
+
+enum class FitStatus : std::uint8_t {
+  converged,         // parameters valid
+  not_converged,     // parameters: the last iterate, to be distrusted
+  at_bound,          // a parameter stopped at its bound: parameters valid, errors of that one are not
+  ill_conditioned,   // a relative standard error exceeds 30 %: parameters valid but weakly determined
+  no_contact,        // no force above noise: parameters NaN
+  no_free_response,  // nothing to refer a force to: parameters NaN
+  not_fitted,        // the pool was full: parameters NaN; refit from the recording
+  flagged            // the pixel carries a flag: parameters NaN
+};
+
+// Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default: as
+// for `not_fitted`.
+struct FitResult {
+  FitStatus status = FitStatus::not_fitted;
+  std::uint32_t refinements = 0;  // off-comb iterations done (0: the paper's partial motion)
+  std::uint32_t iterations = 0;   // of the solver, all starts and grids together
+  std::uint32_t parameters_count = 0;
+  double chi2_reduced = 0.0;      // NaN without a noise model or degrees of freedom
+  std::array<double, max_parameters> parameters{};
+  std::array<double, max_parameters> std_errors{};
+  // How far the parameters move if the quadrature of the force balance is refined: its own error estimate.
+  std::array<double, max_parameters> quadrature_errors{};
+  // Strict upper triangle, row by row: (0,1), (0,2), …, (1,2), …
+  std::array<double, max_parameters*(max_parameters - 1) / 2> correlation{};
+  double virial_nn_nm = 0.0;   // 1/2 sum Re(F_i conj d_i) over the measured tones
+  double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i) over the measured tones, 1e-15 W
+};
+
+// Everything unknown, with the given status.
+FitResult unfitted(FitStatus status, std::size_t parameters_count);
+
+}  // namespace combforce

@@ -1,0 +1,34 @@
+// The list of tip-surface force models. A model is one header (hertz.hpp, dmt.hpp) with its formula templated on
+// the scalar, plus one line in force_model.cpp.
+#pragma once
+
+#include <limits>
+#include <span>
+#include <string_view>
+
+namespace combforce {
+
+struct ParameterInfo {
+  std::string_view name;  // with its unit: the key in messages, for example "adhesion_nn"
+  double lower, upper;    // default bounds of a fit
+  double scale;           // typical size: the solver works on parameter/scale
+};
+
+struct ModelInfo {
+  std::string_view name;     // "hertz"
+  std::string_view formula;  // for people
+  std::string_view source;   // equation in the paper, or reference
+  std::span<const ParameterInfo> parameters;
+};
+
+// All models, in a fixed order.
+std::span<const ModelInfo> force_models();
+
+// The model called `name`. Throws std::invalid_argument that lists the names there are.
+const ModelInfo& find_model(std::string_view name);
+
+// Force at tip deflection d (nm) with velocity d_dot (nm/s), nN, for plots and simulation; `parameters` in the
+// model's order. Dispatches once a call: hot loops use the model's own header.
+double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm, double velocity_nm_per_s = 0.0);
+
+}  // namespace combforce

@@ -1,0 +1,34 @@
+// The noise a fit reckons with: thermal forces on every mode and the detector's own.
+#pragma once
+
+#include <vector>
+
+#include "fit/cantilever.hpp"
+
+namespace combforce {
+
+struct Noise {
+  double temperature_k = 0.0;  // >= 0
+  // Detector noise as equivalent tip deflection, nm/sqrt(Hz), one-sided: one value for all tones, or one a tone.
+  std::vector<double> detector_nm_per_sqrt_hz{0.0};  // each >= 0
+
+  bool operator==(const Noise&) const = default;
+};
+
+// Throws std::invalid_argument naming field, value and bound. `tones`: of the comb.
+void validate(const Noise& noise, std::size_t tones);
+
+// One-sided density of the thermal force on a mode, nN^2/Hz: 2 kB T k/(pi f Q) = 4 kB T k/(w Q)
+// (fluctuation-dissipation; paper, section "Adding noise").
+double thermal_force_density(const Mode& mode, double temperature_k);
+
+// The same as one force at the tip at a tone: sum_m |chi_m/chi|^2 S_m, nN^2/Hz.
+double tip_force_density(const Cantilever& cantilever, double frequency_hz, double temperature_k);
+
+// Variance of each quadrature of the measured force phasor at tone `tone`, nN^2: (tip_force_density +
+// detector^2/|chi|^2) * Delta f / windows. Thermal motion is real motion and enters as force; the detector's
+// noise through chi^-1.
+double force_quadrature_variance(const Cantilever& cantilever, const Noise& noise, std::size_t tone,
+                                 double frequency_hz, double delta_f_hz, unsigned windows);
+
+}  // namespace combforce
