@@ -1,0 +1,20 @@
+// Exit codes of both programs (command line contract), and the one place where errors become one.
+#pragma once
+
+#include <functional>
+#include <string>
+
+namespace combforce {
+
+enum ExitCode : int {
+  exit_done = 0,
+  exit_failed = 1,
+  exit_usage = 2,     // also CLI11's own
+  exit_bad_input = 3  // file, field, why
+};
+
+// Runs `command` and returns its exit code. InputError and std::invalid_argument end as bad input, anything
+// else as failed, each with one line "PROGRAM: what()" on stderr.
+int run_command(const std::string& program, const std::function<int()>& command);
+
+}  // namespace combforce
