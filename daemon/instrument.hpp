@@ -1,8 +1,8 @@
-// The whole instrument: a digitizer, the pipeline behind it and the recorder beside it, as configured. The daemon
-// serves one; `replay` and `simulate` run one offline.
+// The whole instrument: a digitizer, the pipeline behind it and the recorder beside it, as configured. The
+// daemon serves one; `replay` and `simulate` run one offline.
 //
-// Thread rule: start(), stop(), wait() from one thread; the controls from one control thread (the I/O thread of the
-// daemon); status() from any. Controls do not wait for the stream.
+// Thread rule: start(), stop(), wait() from one thread; the controls from one control thread (the I/O thread
+// of the daemon); status() from any. Controls do not wait for the stream.
 #pragma once
 
 #include <functional>
@@ -23,15 +23,15 @@ struct InstrumentStatus {
   bool recording = false;
   RecordingSummary record;  // of the running or the last recording
   std::uint64_t dropped_extraction = 0, dropped_recorder = 0;
-  std::string utc;           // wall clock of `sample`, ISO 8601
+  std::string utc;  // wall clock of `sample`, ISO 8601
   std::uint64_t sample = 0;
   double uncertainty_s = 0.0;
 };
 
 class Instrument {
  public:
-  // Opens the digitizer. Throws std::invalid_argument or InputError. Outputs as of the pipeline; `event` also carries
-  // the recorder's and may then come from its thread.
+  // Opens the digitizer. Throws std::invalid_argument or InputError. Outputs as of the pipeline; `event` also
+  // carries the recorder's and may then come from its thread.
   Instrument(const Configuration& configuration, PipelineOutputs outputs);
   ~Instrument();
   Instrument(const Instrument&) = delete;
@@ -45,15 +45,16 @@ class Instrument {
   InstrumentStatus status() const;
   Description description() const;  // as last set
 
-  // Controls. std::logic_error when the instrument cannot (no scanner, already recording); std::invalid_argument or
-  // InputError on bad values; nothing has changed then.
+  // Controls. std::logic_error when the instrument cannot (no scanner, already recording);
+  // std::invalid_argument or InputError on bad values; nothing has changed then.
   void start_scan(std::optional<ScanLayout> layout, std::uint32_t frames);  // layout: absent = configured
   void stop_scan();
   void mark_line(const LineMark& mark);
   std::string start_recording(const std::string& name);  // "": a name from the time; returns the meta's path
   RecordingSummary stop_recording();
   // `done` is called from the output thread; the captured response is in force from the next pixel on.
-  void capture_free(std::uint32_t windows, std::function<void(std::optional<FreeResponse>, std::string)> done);
+  void capture_free(std::uint32_t windows,
+                    std::function<void(std::optional<FreeResponse>, std::string)> done);
   Drive drive() const;
   void set_drive(const Drive& drive);
   void set_fit(const FitSettings& fit);

@@ -26,6 +26,7 @@ struct StreamInfo {
   std::uint32_t block_frames = 0;   // no block is longer
   WhenFull when_full = WhenFull::drop;
   bool marks_lines = false;  // line marks come with the stream; otherwise the client marks lines (scan.line)
+  bool is_recording = false; // a finished measurement: without line marks its pixels are windows from the start
   bool has_scanner = false;  // start_scan(), stop_scan() work
   bool has_drive = false;    // set_drive() works
   bool continuity_verifiable = true;  // false: samples may be lost without the source noticing

@@ -17,6 +17,8 @@ struct ScanLayout {
   std::uint32_t windows = 1;         // comb windows averaged in a pixel, >= 1
   bool bidirectional = false;        // trace and retrace of every line
   std::array<double, 2> size_nm{0.0, 0.0};  // extent in x and y; 0 when unknown
+
+  bool operator==(const ScanLayout&) const = default;
 };
 
 // Where one scan line lies in the stream. Authoritative: pixel j in time starts at

@@ -2,8 +2,8 @@
 //
 //     sink -> [extraction thread] -> pixel slots -> [fit workers] -> [output thread] -> PipelineOutputs
 //
-// Pixels wait in a ring of slots in stream order. The extraction fills the next slot and wakes one worker; the
-// output thread retires slots strictly in order, whichever worker was first. When no worker has room, a
+// Pixels wait in a ring of slots in stream order. The extraction fills the next slot and wakes one worker;
+// the output thread retires slots strictly in order, whichever worker was first. When no worker has room, a
 // live source's pixel goes out `not_fitted`; a source that can wait, waits.
 #pragma once
 
@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "config/configuration.hpp"
+#include "daemon/pipeline/analysis.hpp"
 #include "drivers/digitizer.hpp"
 #include "dsp/pixel.hpp"
 #include "fit/fit_result.hpp"
@@ -25,13 +26,6 @@
 #include "proto/description.hpp"
 
 namespace combforce {
-
-// The description in force from a pixel boundary on; immutable, shared by everything that still refers to it.
-struct Analysis {
-  Description description;
-  ScanLayout layout;               // description.scan, or one window a pixel without it
-  const ModelInfo* model = nullptr;  // null: no cantilever or comb to fit with
-};
 
 // A pixel on its way out. References are valid during the call.
 struct RetiredPixel {
@@ -59,7 +53,8 @@ struct FrameDone {
   PixelCounts counts;
 };
 
-// Something a person should hear of. `kind`: gap, epoch, dropped, change, record_gap, record_failed, scan_ended, stream_ended …
+// Something a person should hear of. `kind`: gap, epoch, dropped, change, record_gap, record_failed,
+// scan_ended, stream_ended …
 struct Event {
   std::string kind;
   std::uint64_t first_sample = 0;
@@ -87,14 +82,14 @@ struct PipelineStatus {
   std::uint64_t pixels_extracted = 0, pixels_retired = 0, not_fitted = 0;
   std::uint64_t next_sample = 0;  // one past the last frame extraction has seen
   std::uint32_t epoch = 0;
-  double extraction_busy = 0.0;   // share of wall time, since start
+  double extraction_busy = 0.0;  // share of wall time, since start
   unsigned threads = 0;
 };
 
 class Pipeline {
  public:
-  // Throws std::invalid_argument on a description that cannot be analysed (no comb, scan that does not fit, …).
-  // `info` and `sink` are of the digitizer that will be started after start().
+  // Throws std::invalid_argument on a description that cannot be analysed (no comb, scan that does not fit,
+  // …). `info` and `sink` are of the digitizer that will be started after start().
   Pipeline(const StreamInfo& info, BlockSink& sink, const PipelineSettings& settings, Description description,
            std::vector<ScheduledChange> changes, PipelineOutputs outputs);
   ~Pipeline();  // stops
@@ -105,14 +100,15 @@ class Pipeline {
   void wait();  // until the stream has ended and every pixel is retired
   void stop();  // cancels the sink, retires what is extracted, joins; idempotent
 
-  // Controls, from one control thread. They take effect at the next pixel boundary.
+  // Controls, from any thread (the bodies of `done` included). They take effect at the next pixel boundary.
   void change(Description description);
   std::shared_ptr<const Analysis> analysis() const;  // last one asked for
   // Line begins at mark.first_sample; for digitizers that do not mark lines. False: too many pending marks.
   bool mark_line(const LineMark& mark);
-  // Averages the next `windows` free windows and calls `done` from the output thread: the response, or why not (a gap).
-  // One at a time: throws std::logic_error while another is under way.
-  void capture_free(std::uint32_t windows, std::function<void(std::optional<FreeResponse>, std::string)> done);
+  // Averages the next `windows` free windows and calls `done` from the output thread: the response, or why
+  // not (a gap). One at a time: throws std::logic_error while another is under way.
+  void capture_free(std::uint32_t windows,
+                    std::function<void(std::optional<FreeResponse>, std::string)> done);
 
   PipelineStatus status() const;
 

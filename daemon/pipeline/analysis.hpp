@@ -1,0 +1,41 @@
+// The description in force over a stretch of the stream, and what is derived from it once.
+#pragma once
+
+#include <complex>
+#include <memory>
+#include <vector>
+
+#include "drivers/digitizer.hpp"
+#include "dsp/comb_extractor.hpp"
+#include "dsp/scan.hpp"
+#include "fit/force_model.hpp"
+#include "fit/pixel_fitter.hpp"
+#include "proto/description.hpp"
+
+namespace combforce {
+
+// Immutable; shared by everything that still refers to it.
+struct Analysis {
+  Description description;           // channels and comb are always present
+  ScanLayout layout;                 // description.scan, or one window a pixel without it
+  const ModelInfo* model = nullptr;  // null: no cantilever, so nothing to fit with
+  // Tip deflection per volt of channel 0, one a tone: chi/chi_V with a cantilever, 1 without.
+  std::vector<std::complex<double>> tip_per_volt;
+  double ring_down_samples = 0.0;  // longest of the cantilever; 0 when not known
+};
+
+// Throws std::invalid_argument naming field, value and bound: no comb, tones at or beyond Nyquist, a scan
+// that does not fit its windows, a reference or noise that does not match the comb, an unknown model.
+std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Description description);
+
+// An analysis with the objects that carry it out: the extraction thread owns `extractor`, fit worker i owns
+// fitters[i]. Everything is allocated here, before the stretch begins.
+struct AnalysisStage {
+  AnalysisStage(const StreamInfo& info, std::shared_ptr<const Analysis> analysis, unsigned workers);
+
+  std::shared_ptr<const Analysis> analysis;
+  CombExtractor extractor;
+  std::vector<PixelFitter> fitters;  // empty when analysis->model is null
+};
+
+}  // namespace combforce

@@ -1,0 +1,408 @@
+#include "daemon/pipeline/extraction.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "dsp/pixel_clock.hpp"
+
+namespace combforce {
+namespace {
+
+// A commanded step may ring by this much of itself when the analysed windows begin.
+constexpr double settled_residual = 0.01;
+// A captured reference waits longer: every later force refers to it. exp(-14) = 1e-6.
+constexpr double capture_ring_downs = 14.0;
+// Whole pixels inside one gap of an unmarked stream that are published one by one.
+constexpr std::uint64_t most_lost_pixels = 4096;
+
+}  // namespace
+
+Extraction::Extraction(const StreamInfo& info, std::unique_ptr<AnalysisStage> first,
+                       std::vector<Scheduled> scheduled, OutputSlots& slots, FitPool& pool)
+    : info_(info),
+      marked_(info.marks_lines || !info.is_recording),
+      slots_(slots),
+      pool_(pool),
+      scheduled_(std::move(scheduled)),
+      stage_(first.release()),
+      capture_means_(info.channels.size()) {
+  std::size_t tones = stage_->analysis->tip_per_volt.size();
+  for (const Scheduled& later : scheduled_)
+    tones = std::max(tones, later.stage->analysis->tip_per_volt.size());
+  capture_tones_.resize(tones);
+}
+
+Extraction::~Extraction() {
+  delete stage_;
+  delete deferred_;
+  delete pending_.load();
+  delete requested_capture_.load();
+}
+
+void Extraction::process(const SampleBlock& block) {
+  const BlockHeader& header = block.header;
+  if (!started_) {
+    started_ = true;
+    cursor_ = header.first_sample;
+    unmarked_first_ = cursor_;
+    epoch_.store(header.epoch, std::memory_order_relaxed);
+    epoch_first_ = header.epoch == 0 ? 0 : cursor_;
+    if (!marked_) begin_pixel();
+  } else if (header.epoch != epoch_.load(std::memory_order_relaxed)) {
+    begin_epoch(header);
+  } else if (header.first_sample > cursor_) {
+    skip_lost(header.first_sample);
+  }
+  const std::uint64_t end = header.first_sample + header.frames;
+  if (!in_pixel()) take_over(cursor_);
+  for (const StreamMark& mark : header.valid_marks()) {
+    consume(block, std::clamp(mark.sample, cursor_, end));
+    apply(mark);
+  }
+  while (client_marks_.read_available() > 0 && client_marks_.front().first_sample < end) {
+    LineMark mark;
+    client_marks_.pop(mark);
+    consume(block, std::clamp(mark.first_sample, cursor_, end));
+    begin_line(mark, PixelFlag::incomplete);
+  }
+  consume(block, end);
+  next_sample_.store(cursor_, std::memory_order_relaxed);
+}
+
+void Extraction::finish() {
+  if (marked_) {
+    cut_line();
+  } else if (in_pixel() && flags_.has(PixelFlag::gap)) {
+    flags_.set(PixelFlag::incomplete);
+    emit_pixel();
+  }
+  end_frame();
+  if (capture_ == nullptr) capture_ = requested_capture_.exchange(nullptr);
+  end_capture("the stream ended");
+  next_slot(OutputSlot::Kind::end, cursor_);
+  slots_.commit_complete();
+}
+
+void Extraction::begin_epoch(const BlockHeader& header) {
+  if (in_pixel() && cursor_ > span_.first_sample) {
+    flags_.set(PixelFlag::gap);
+    flags_.set(PixelFlag::incomplete);
+    emit_pixel();
+  }
+  if (line_) end_line();
+  end_capture("the clock of the stream broke");
+  OutputSlot& slot = next_slot(OutputSlot::Kind::epoch, header.first_sample);
+  slot.epoch_reason = header.epoch_reason;
+  slots_.commit_complete();
+  epoch_.store(header.epoch, std::memory_order_relaxed);
+  cursor_ = header.first_sample;
+  epoch_first_ = cursor_;
+  last_step_ = never;
+  if (marked_) return;
+  unmarked_first_ = cursor_;
+  unmarked_column_ += pixel_index_;
+  pixel_index_ = 0;
+  begin_pixel();
+}
+
+void Extraction::skip_lost(std::uint64_t until) {
+  OutputSlot& slot = next_slot(OutputSlot::Kind::gap, cursor_);
+  slot.count = until - cursor_;
+  slots_.commit_complete();
+  end_capture("samples were lost");
+  miss(until, PixelFlag::gap);
+}
+
+void Extraction::miss(std::uint64_t until, PixelFlag why) {
+  std::uint64_t published = 0;
+  while (in_pixel() && span_.end_sample <= until) {
+    flags_.set(why);
+    emit_pixel();
+    if (marked_ || ++published < most_lost_pixels) continue;
+    const std::uint64_t length = span_.end_sample - span_.first_sample;
+    pixel_index_ += static_cast<std::uint32_t>((until - span_.first_sample) / length);
+    begin_pixel();
+  }
+  if (in_pixel() && span_.first_sample < until) flags_.set(why);
+  cursor_ = until;
+}
+
+void Extraction::consume(const SampleBlock& block, std::uint64_t until) {
+  while (cursor_ < until) {
+    if (in_pixel())
+      consume_pixel(block, until);
+    else
+      consume_free(block, until);
+  }
+}
+
+void Extraction::consume_pixel(const SampleBlock& block, std::uint64_t until) {
+  if (cursor_ < span_.analysis_first) {
+    cursor_ = std::min(until, span_.analysis_first);
+  } else if (flags_.has(PixelFlag::gap) || flags_.has(PixelFlag::incomplete)) {
+    cursor_ = std::min(until, span_.end_sample);
+  } else {
+    if (!analysing_) {
+      stage_->extractor.begin(span_.analysis_first, stage_->analysis->layout.windows);
+      analysing_ = true;
+    }
+    feed(block, std::min(until, span_.end_sample));
+  }
+  if (cursor_ >= span_.end_sample) emit_pixel();
+}
+
+void Extraction::consume_free(const SampleBlock& block, std::uint64_t until) {
+  if (capture_ == nullptr) capture_ = requested_capture_.exchange(nullptr);
+  if (capture_ == nullptr) {
+    cursor_ = until;
+    return;
+  }
+  if (capture_window_ == never) {
+    const double ringing = capture_ring_downs * stage_->analysis->ring_down_samples;
+    const std::uint64_t settled =
+        last_step_ == never ? cursor_ : last_step_ + static_cast<std::uint64_t>(std::ceil(ringing));
+    if (settled >= until) {
+      cursor_ = until;
+      return;
+    }
+    cursor_ = std::max(cursor_, settled);
+    capture_window_ = cursor_;
+    stage_->extractor.begin(cursor_, 1);
+  }
+  feed(block, until);
+  if (stage_->extractor.missing() > 0) return;
+  const std::span tones(capture_tones_.data(), stage_->analysis->tip_per_volt.size());
+  stage_->extractor.finish(tones, capture_means_);
+  const double scale = stage_->analysis->description.channels->front().scale;
+  for (std::size_t i = 0; i < tones.size(); ++i) tones[i] *= scale * stage_->analysis->tip_per_volt[i];
+  if (capture_->add(capture_window_, tones)) {
+    end_capture(nullptr);
+    return;
+  }
+  capture_window_ = cursor_;
+  stage_->extractor.begin(cursor_, 1);
+}
+
+void Extraction::feed(const SampleBlock& block, std::uint64_t until) {
+  const std::size_t offset = (cursor_ - block.header.first_sample) * block.header.channels;
+  const std::size_t frames = until - cursor_;
+  cursor_ += block.header.format == SampleFormat::i16
+                 ? stage_->extractor.add(block.i16().data() + offset, frames)
+                 : stage_->extractor.add(block.f32().data() + offset, frames);
+}
+
+void Extraction::apply(const StreamMark& mark) {
+  switch (mark.kind) {
+    case StreamMark::Kind::line:
+      begin_line(mark.line, PixelFlag::gap);
+      break;
+    case StreamMark::Kind::step:
+      last_step_ = mark.sample;
+      break;
+    case StreamMark::Kind::scan_ended:
+      cut_line();
+      end_frame();
+      last_step_ = mark.sample;
+      next_slot(OutputSlot::Kind::scan_ended, mark.sample);
+      slots_.commit_complete();
+      break;
+  }
+}
+
+void Extraction::begin_line(const LineMark& mark, PixelFlag if_late) {
+  if (!marked_) return;
+  cut_line();
+  end_capture("a scan line began");
+  if (mark.frame != frame_) end_frame();
+  frame_ = mark.frame;
+  take_over(mark.first_sample);
+  line_ = mark;
+  last_step_ = mark.first_sample;
+  pixel_index_ = 0;
+  begin_pixel();
+  if (cursor_ > mark.first_sample) miss(cursor_, if_late);
+}
+
+void Extraction::cut_line() {
+  if (!line_) return;
+  if (cursor_ > span_.first_sample) {
+    flags_.set(PixelFlag::incomplete);
+    emit_pixel();
+  }
+  if (line_) end_line();
+}
+
+void Extraction::end_line() {
+  OutputSlot& slot = next_slot(OutputSlot::Kind::line_done, line_->first_sample);
+  slot.line = *line_;
+  slots_.commit_complete();
+  const ScanLayout& layout = stage_->analysis->layout;
+  const bool last =
+      line_->line + 1 == layout.lines && (!layout.bidirectional || line_->direction == Direction::retrace);
+  line_.reset();
+  if (last) end_frame();
+}
+
+void Extraction::end_frame() {
+  if (frame_pixels_ == 0) return;
+  frame_pixels_ = 0;
+  OutputSlot& slot = next_slot(OutputSlot::Kind::frame_done, cursor_);
+  slot.frame = frame_;
+  slots_.commit_complete();
+}
+
+void Extraction::begin_pixel() {
+  flags_.clear();
+  analysing_ = false;
+  place_pixel();
+  take_over(span_.first_sample);
+  place_pixel();
+  const ScanLayout& layout = stage_->analysis->layout;
+  const std::uint64_t analysed = layout.windows * stage_->extractor.comb().window_samples;
+  if (span_.analysis_first < span_.first_sample + layout.settle_samples ||
+      span_.end_sample - span_.analysis_first < analysed)
+    flags_.set(PixelFlag::sync);
+}
+
+void Extraction::place_pixel() {
+  const ScanLayout& layout = stage_->analysis->layout;
+  const std::uint64_t window = stage_->extractor.comb().window_samples;
+  if (line_) {
+    span_ = pixel_of_line(*line_, layout, window, pixel_index_);
+    return;
+  }
+  span_ = pixel_unmarked(unmarked_first_, layout, window, pixel_index_);
+  span_.column += unmarked_column_;
+}
+
+void Extraction::emit_pixel() {
+  OutputSlot& slot = next_slot(OutputSlot::Kind::pixel, span_.first_sample);
+  measure(slot);
+  const Analysis& analysis = *stage_->analysis;
+  const std::size_t parameters = analysis.model == nullptr ? 0 : analysis.model->parameters.size();
+  const std::optional<FreeResponse>& reference = analysis.description.free_response;
+  const bool valid = reference && (epoch_first_ == 0 || reference->first_sample >= epoch_first_);
+  pixels_.fetch_add(1, std::memory_order_relaxed);
+  ++frame_pixels_;
+  if (slot.pixel.flags.any()) {
+    slot.fit = unfitted(FitStatus::flagged, parameters);
+    slots_.commit_complete();
+  } else if (analysis.model == nullptr || !valid) {
+    slot.fit = unfitted(FitStatus::no_free_response, parameters);
+    slots_.commit_complete();
+  } else {
+    dispatch(slot, parameters);
+  }
+  ++pixel_index_;
+  if (line_ && pixel_index_ == analysis.layout.columns)
+    end_line();
+  else
+    begin_pixel();
+}
+
+void Extraction::measure(OutputSlot& slot) {
+  const Analysis& analysis = *stage_->analysis;
+  const Channels& channels = *analysis.description.channels;
+  const std::size_t tones = analysis.tip_per_volt.size();
+  slot.stage = stage_;
+  slot.pixel.span = span_;
+  slot.pixel.phasors.resize(tones);
+  slot.pixel.channel_means.resize(channels.size());
+  const double tau = analysis.ring_down_samples;
+  slot.settling_residual = tau > 0.0 ? settling_residual(span_, span_.first_sample, tau) : 0.0;
+  if (tau > 0.0 && last_step_ != never && settling_residual(span_, last_step_, tau) > settled_residual)
+    flags_.set(PixelFlag::settling);
+  if (analysing_ && stage_->extractor.missing() == 0) {
+    if (stage_->extractor.clipped() > 0) flags_.set(PixelFlag::clipped);
+    stage_->extractor.finish(slot.pixel.phasors, slot.pixel.channel_means);
+    for (std::size_t i = 0; i < channels.size(); ++i)
+      slot.pixel.channel_means[i] = channels[i].scale * slot.pixel.channel_means[i] + channels[i].offset;
+    for (std::size_t i = 0; i < tones; ++i) {
+      slot.pixel.phasors[i] *= channels.front().scale;
+      slot.tip_nm[i] = analysis.tip_per_volt[i] * slot.pixel.phasors[i];
+    }
+  } else {
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    std::fill(slot.pixel.phasors.begin(), slot.pixel.phasors.end(), std::complex<double>(nan, nan));
+    std::fill_n(slot.tip_nm.begin(), tones, std::complex<double>(nan, nan));
+    std::fill(slot.pixel.channel_means.begin(), slot.pixel.channel_means.end(), nan);
+  }
+  slot.pixel.flags = flags_;
+}
+
+void Extraction::dispatch(OutputSlot& slot, std::size_t parameters) {
+  const std::uint32_t index = slots_.commit_pending();
+  while (!pool_.offer(index)) {
+    if (info_.when_full == WhenFull::wait) {
+      pool_.wait_room();
+      continue;
+    }
+    slot.fit = unfitted(FitStatus::not_fitted, parameters);
+    not_fitted_.fetch_add(1, std::memory_order_relaxed);
+    slots_.complete(index);
+    return;
+  }
+}
+
+void Extraction::take_over(std::uint64_t boundary) {
+  // The raster of a line does not change within it.
+  const auto fits_line = [this](const AnalysisStage& stage) {
+    return !line_ || pixel_index_ == 0 || stage.analysis->layout == stage_->analysis->layout;
+  };
+  while (next_scheduled_ < scheduled_.size() && scheduled_[next_scheduled_].first_sample <= boundary &&
+         fits_line(*scheduled_[next_scheduled_].stage))
+    install(scheduled_[next_scheduled_++].stage.release(), boundary);
+  if (deferred_ == nullptr) deferred_ = pending_.exchange(nullptr, std::memory_order_acq_rel);
+  if (deferred_ == nullptr || !fits_line(*deferred_)) return;
+  install(std::exchange(deferred_, nullptr), boundary);
+}
+
+void Extraction::install(AnalysisStage* stage, std::uint64_t boundary) {
+  OutputSlot& slot = next_slot(OutputSlot::Kind::change, boundary);
+  slot.stage = stage;
+  slot.superseded = stage_;
+  slots_.commit_complete();
+  stage_ = stage;
+  capture_window_ = never;
+}
+
+void Extraction::end_capture(const char* failure) {
+  if (capture_ == nullptr) return;
+  if (failure != nullptr) capture_->fail(failure);
+  OutputSlot& slot = next_slot(OutputSlot::Kind::free_capture, cursor_);
+  slot.capture = capture_;
+  capture_ = nullptr;
+  capture_window_ = never;
+  slots_.commit_complete();
+  capture_busy_.store(false, std::memory_order_release);
+}
+
+OutputSlot& Extraction::next_slot(OutputSlot::Kind kind, std::uint64_t first_sample) {
+  OutputSlot* slot = slots_.acquire();
+  if (slot == nullptr) {
+    slots_.wait_room();
+    slot = slots_.acquire();
+  }
+  slot->kind = kind;
+  slot->first_sample = first_sample;
+  return *slot;
+}
+
+void Extraction::change(std::unique_ptr<AnalysisStage> stage) {
+  delete pending_.exchange(stage.release(), std::memory_order_acq_rel);
+}
+
+bool Extraction::capture(std::unique_ptr<FreeCapture> capture) {
+  bool idle = false;
+  if (!capture_busy_.compare_exchange_strong(idle, true)) return false;
+  requested_capture_.store(capture.release());
+  return true;
+}
+
+bool Extraction::mark_line(const LineMark& mark) {
+  return client_marks_.push(mark);
+}
+
+}  // namespace combforce

@@ -1,0 +1,44 @@
+#include "daemon/pipeline/free_capture.hpp"
+
+#include <utility>
+
+namespace combforce {
+
+FreeCapture::FreeCapture(std::uint32_t windows, std::size_t tones, Done done)
+    : windows_(windows),
+      mean_(2 * tones),
+      deviation_(2 * tones),
+      scatter_(4 * tones * tones),
+      done_(std::move(done)) {}
+
+bool FreeCapture::add(std::uint64_t first_sample, std::span<const std::complex<double>> tip_nm) {
+  if (added_ == 0) first_sample_ = first_sample;
+  ++added_;
+  const std::size_t n = mean_.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::complex<double> tone = tip_nm[i / 2];
+    deviation_[i] = (i % 2 == 0 ? tone.real() : tone.imag()) - mean_[i];
+    mean_[i] += deviation_[i] / added_;
+  }
+  const double weight = static_cast<double>(added_ - 1) / added_;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j) scatter_[i * n + j] += weight * deviation_[i] * deviation_[j];
+  return added_ == windows_;
+}
+
+void FreeCapture::finish() const {
+  if (failure_ != nullptr) {
+    done_(std::nullopt, failure_);
+    return;
+  }
+  FreeResponse response{.first_sample = first_sample_, .windows = added_, .mean_nm = {}, .covariance = {}};
+  for (std::size_t i = 0; i < mean_.size(); i += 2) response.mean_nm.emplace_back(mean_[i], mean_[i + 1]);
+  if (added_ > 1) {
+    std::vector<double> covariance = scatter_;
+    for (double& value : covariance) value /= static_cast<double>(added_) * (added_ - 1);
+    response.covariance = std::move(covariance);
+  }
+  done_(std::move(response), "");
+}
+
+}  // namespace combforce
