@@ -1,0 +1,89 @@
+#include "proto/description.hpp"
+
+#include <fmt/format.h>
+
+namespace combforce {
+namespace {
+
+template <typename T>
+void overlay_one(std::optional<T>& base, const std::optional<T>& top) {
+  if (top) base = top;
+}
+
+template <typename T, typename Decode>
+void decode_one(std::optional<T>& target, const JsonView& object, std::string_view prefix,
+                std::string_view key, UnknownKeys unknown, Decode decode) {
+  if (const auto member = object.find(fmt::format("{}{}", prefix, key))) target = decode(*member, unknown);
+}
+
+template <typename T>
+void encode_one(Json& object, const std::optional<T>& source, std::string_view prefix, std::string_view key) {
+  if (source) object[fmt::format("{}{}", prefix, key)] = encode(*source);
+}
+
+}  // namespace
+
+Description overlay(Description base, const Description& top) {
+  overlay_one(base.channels, top.channels);
+  overlay_one(base.cantilever, top.cantilever);
+  overlay_one(base.comb, top.comb);
+  overlay_one(base.free_response, top.free_response);
+  overlay_one(base.scan, top.scan);
+  overlay_one(base.noise, top.noise);
+  overlay_one(base.fit, top.fit);
+  return base;
+}
+
+std::optional<Contradiction> find_contradiction(const Description& description) {
+  if (!description.comb) return std::nullopt;
+  const std::size_t tones = description.comb->tones.size();
+  if (description.free_response && description.free_response->mean_nm.size() != tones)
+    return Contradiction{"/free_response", fmt::format("has {} tones, must have {}, as the comb has",
+                                                       description.free_response->mean_nm.size(), tones)};
+  if (description.noise) {
+    const std::size_t densities = description.noise->detector_nm_per_sqrt_hz.size();
+    if (densities != 1 && densities != tones)
+      return Contradiction{
+          "/noise/detector_nm_per_sqrt_hz",
+          fmt::format("has {} elements, must have {}, one a tone of the comb", densities, tones)};
+  }
+  if (description.scan) {
+    const ScanLayout& scan = *description.scan;
+    const std::uint64_t analysed = scan.windows * description.comb->window_samples;
+    if (scan.pixel_samples < analysed || scan.pixel_samples - analysed < scan.settle_samples)
+      return Contradiction{
+          "/scan/pixel_samples",
+          fmt::format("is {}, must be >= {}: settle_samples {} + windows {} * window_samples {}",
+                      scan.pixel_samples, scan.settle_samples + analysed, scan.settle_samples, scan.windows,
+                      description.comb->window_samples)};
+  }
+  return std::nullopt;
+}
+
+Description decode_description(const JsonView& object, std::string_view prefix, UnknownKeys unknown) {
+  Description description;
+  decode_one(description.channels, object, prefix, "channels", unknown, decode_channels);
+  decode_one(description.cantilever, object, prefix, "cantilever", unknown, decode_cantilever);
+  decode_one(description.comb, object, prefix, "comb", unknown, decode_comb);
+  decode_one(description.free_response, object, prefix, "free_response", unknown, decode_free_response);
+  decode_one(description.scan, object, prefix, "scan", unknown, decode_scan);
+  decode_one(description.noise, object, prefix, "noise", unknown, decode_noise);
+  decode_one(description.fit, object, prefix, "fit", unknown, decode_fit);
+  if (const auto fault = find_contradiction(description))
+    JsonView(object.json(), object.file(),
+             fmt::format("{}/{}{}", object.pointer(), prefix, fault->pointer.substr(1)))
+        .fail(fault->message);
+  return description;
+}
+
+void encode_into(Json& object, const Description& description, std::string_view prefix) {
+  encode_one(object, description.channels, prefix, "channels");
+  encode_one(object, description.cantilever, prefix, "cantilever");
+  encode_one(object, description.comb, prefix, "comb");
+  encode_one(object, description.free_response, prefix, "free_response");
+  encode_one(object, description.scan, prefix, "scan");
+  encode_one(object, description.noise, prefix, "noise");
+  encode_one(object, description.fit, prefix, "fit");
+}
+
+}  // namespace combforce

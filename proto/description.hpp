@@ -26,13 +26,37 @@ struct Description {
   std::optional<ScanLayout> scan;
   std::optional<Noise> noise;
   std::optional<FitSettings> fit;
+
+  bool operator==(const Description&) const = default;
 };
 
 // `top` where it says something, else `base`.
 Description overlay(Description base, const Description& top);
 
-// Decoders check type, keys and the bounds of each field; encode(decode(x)) == x for valid x. Recordings keep unknown
-// keys of a newer minor version: `unknown` says whether to refuse them.
+// Where two objects of a description contradict each other: free_response or noise that do not count as many
+// tones as the comb has, pixels too short for settle_samples + windows * N. The pointer has no prefix:
+// "/scan/pixel_samples".
+struct Contradiction {
+  std::string pointer, message;
+};
+std::optional<Contradiction> find_contradiction(const Description& description);
+
+// Decoders check type, keys and the bounds of each field, and throw InputError with the pointer of the field;
+// decode(encode(x)) == x for valid x. Recordings may hold unknown keys of a newer minor version: `unknown`
+// says whether to refuse them. Keys and their defaults (a key without one is required):
+//
+//     channels       [{name, role, unit "V", scale 1, offset 0, clip_codes absent: [lo, hi]}]
+//                    role: deflection (channel 0), z, reference, marker; unit: V, nm
+//     cantilever     {modes: [{frequency_hz, quality_factor, stiffness_n_per_m, sensitivity_nm_per_v 1}]}
+//     comb           {window_samples, tones: [{bin, driven true}]}
+//     free_response  {first_sample 0, windows 0, mean_nm: [[re, im], …], covariance absent: rows [[…], …]},
+//                    or mean_nm alone
+//     scan           {lines, columns, pixel_samples, settle_samples 0, windows 1, bidirectional false,
+//                    size_nm [0, 0]}
+//     noise          {temperature_k, detector_nm_per_sqrt_hz: a number, or a list of one a tone}
+//     fit            {model "dmt", refine 0, weighting "none": or "noise", bounds {}: {parameter: [lo, hi]}}
+//     drive          {scheme "equal_energy", total_amplitude_nm 50, phases_rad []}; scheme: equal_energy,
+//                    equal_amplitude, or amplitudes, with amplitudes_nm in place of total_amplitude_nm
 enum class UnknownKeys : std::uint8_t { refuse, allow };
 
 Channels decode_channels(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
@@ -54,7 +78,7 @@ Json encode(const FitSettings& fit);
 Json encode(const Drive& drive);
 
 // The objects of a description under `prefix` ("" in configurations, "afm:" in recordings) in an object; keys
-// of the object that are not of the description are left alone.
+// of the object that are not of the description are left alone. Decoding also refuses contradictions.
 Description decode_description(const JsonView& object, std::string_view prefix,
                                UnknownKeys unknown = UnknownKeys::refuse);
 void encode_into(Json& object, const Description& description, std::string_view prefix);

@@ -12,7 +12,7 @@ struct GsfMap {
   double x_m = 0.0, y_m = 0.0;  // extent in metres; 0: not known
   std::string value_unit;       // base SI unit, "" when dimensionless
   std::string title;
-  std::vector<float> values;    // lines x columns, row 0 at the top; NaN where nothing was measured
+  std::vector<float> values;  // lines x columns, row 0 at the top; NaN where nothing was measured
 };
 
 // Throws std::runtime_error naming the file and what failed; the file is replaced atomically.

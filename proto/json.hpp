@@ -1,7 +1,6 @@
 // Strict JSON: every error says file, JSON pointer, value and bound.
 //
-// parse_json() refuses duplicate keys; a JsonView walks the tree, checks types and bounds, and finish() refuses
-// keys that nobody asked for.
+// parse_json() refuses duplicate keys; a JsonView walks the tree and checks types, bounds and keys.
 #pragma once
 
 #include <complex>
@@ -10,6 +9,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -20,12 +20,12 @@ namespace combforce {
 
 using Json = nlohmann::ordered_json;
 
-// Bad input from a file or a client: what() is "FILE: POINTER: MESSAGE" (FILE left out for messages of a client).
+// Bad input from a file or a client: what() is "FILE: POINTER: MESSAGE", empty parts left out.
 class InputError : public std::runtime_error {
  public:
   InputError(std::string file, std::string pointer, const std::string& message);
   const std::string& file() const { return file_; }
-  const std::string& pointer() const { return pointer_; }   // "" is the root
+  const std::string& pointer() const { return pointer_; }  // "" is the root
   const std::string& message() const { return message_; }
 
  private:
@@ -34,8 +34,8 @@ class InputError : public std::runtime_error {
 
 enum class Comments : std::uint8_t { refuse, allow };
 
-// Throws InputError on malformed text (with line and column), duplicate keys (with their pointer) and numbers that
-// do not fit a double. `file` is only a name for messages.
+// Throws InputError on malformed text (with line and column), duplicate keys (with their pointer), numbers
+// that do not fit a double, and nesting deeper than 64 levels. `file` is only a name for messages.
 Json parse_json(std::string_view text, const std::string& file, Comments comments = Comments::refuse);
 Json parse_json_file(const std::string& path, Comments comments = Comments::refuse);  // also when unreadable
 
@@ -48,12 +48,13 @@ inline constexpr Range any_number{};
 inline constexpr Range positive{0.0, std::numeric_limits<double>::infinity(), true, false};
 inline constexpr Range non_negative{0.0};
 
-// A value in a parsed tree, with its place. Cheap to copy; the tree must outlive it.
+// A value in a parsed tree, with its place. Cheap to copy; the tree and the string `file` must outlive it.
 class JsonView {
  public:
   JsonView(const Json& value, const std::string& file, std::string pointer = "");
 
   const Json& json() const { return *value_; }
+  const std::string& file() const { return *file_; }
   const std::string& pointer() const { return pointer_; }
   [[noreturn]] void fail(const std::string& message) const;  // throws InputError at this place
 
@@ -67,14 +68,17 @@ class JsonView {
   std::vector<JsonView> elements() const;
   std::size_t size() const;
 
-  // Values; each fails with the type found, or with value and bound.
+  // Values; each fails with the type found, or with value and bound. 8e3 is an integer too.
   double number(Range range = any_number) const;
   std::uint64_t integer(std::uint64_t lower = 0, std::uint64_t upper = (std::uint64_t{1} << 53) - 1) const;
   bool boolean() const;
   std::string string() const;
   std::complex<double> complex() const;  // [re, im]
   // One of the given names; returns its index.
-  std::size_t one_of(std::initializer_list<std::string_view> names) const;
+  std::size_t one_of(std::span<const std::string_view> names) const;
+  std::size_t one_of(std::initializer_list<std::string_view> names) const {
+    return one_of(std::span(names.begin(), names.size()));
+  }
 
  private:
   const Json* value_;

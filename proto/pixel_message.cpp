@@ -1,0 +1,161 @@
+#include "proto/pixel_message.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+
+#include "proto/json.hpp"
+
+namespace combforce {
+namespace {
+
+constexpr std::array<std::string_view, 8> status_names = {
+    "converged",  "not_converged",    "at_bound",   "ill_conditioned",
+    "no_contact", "no_free_response", "not_fitted", "flagged"};
+
+constexpr std::array<std::pair<PixelFlag, std::string_view>, 6> all_flags = {
+    {{PixelFlag::gap, "gap"},
+     {PixelFlag::clipped, "clipped"},
+     {PixelFlag::settling, "settling"},
+     {PixelFlag::incomplete, "incomplete"},
+     {PixelFlag::incoherent, "incoherent"},
+     {PixelFlag::sync, "sync"}}};
+
+template <typename... Args>
+void append(std::string& out, fmt::format_string<Args...> format, Args&&... args) {
+  fmt::format_to(std::back_inserter(out), format, std::forward<Args>(args)...);
+}
+
+void append_number(std::string& out, double value) {
+  if (std::isfinite(value)) {
+    append(out, "{:.9g}", value);
+  } else {
+    out += "null";
+  }
+}
+
+// "key": of a name from outside, escaped.
+void append_key(std::string& out, const std::string& key) {
+  out += Json(key).dump();
+  out += ':';
+}
+
+// Calls `item(element)` for each, with commas between.
+template <typename Range, typename Item>
+void append_list(std::string& out, const Range& range, Item item) {
+  bool first = true;
+  for (const auto& element : range) {
+    if (!first) out += ',';
+    first = false;
+    item(element);
+  }
+}
+
+void append_position(std::string& out, const Pixel& pixel) {
+  append(out, R"("frame":{},"line":{},"column":{},"direction":"{}","first_sample":{},"flags":[)",
+         pixel.span.frame, pixel.span.line, pixel.span.column, to_string(pixel.span.direction),
+         pixel.span.first_sample);
+  append_list(out, flag_names(pixel.flags), [&](std::string_view name) { append(out, R"("{}")", name); });
+  out += ']';
+}
+
+void append_channels(std::string& out, const PixelMessage& message) {
+  out += R"(,"channels":{)";
+  const std::size_t channels = std::min(message.channels.size(), message.pixel.channel_means.size());
+  for (std::size_t i = 1; i < channels; ++i) {
+    if (i > 1) out += ',';
+    const Channel& channel = message.channels[i];
+    append_key(out, channel.name + (channel.unit == "V" ? "_v" : "_" + channel.unit));
+    append_number(out, message.pixel.channel_means[i]);
+  }
+  out += '}';
+}
+
+void append_tones(std::string& out, const PixelMessage& message) {
+  out += R"(,"tones":{"bin":[)";
+  append_list(out, message.comb.tones, [&](const Tone& tone) { append(out, "{}", tone.bin); });
+  out += R"(],"re_nm":[)";
+  append_list(out, message.tip_nm, [&](std::complex<double> phasor) { append_number(out, phasor.real()); });
+  out += R"(],"im_nm":[)";
+  append_list(out, message.tip_nm, [&](std::complex<double> phasor) { append_number(out, phasor.imag()); });
+  out += "]}";
+}
+
+bool nothing_known(std::span<const double> values) {
+  return std::all_of(values.begin(), values.end(), [](double value) { return std::isnan(value); });
+}
+
+// {"parameter": value, …}, or null when nothing is known.
+void append_by_parameter(std::string& out, const ModelInfo& model, std::span<const double> values) {
+  if (nothing_known(values)) {
+    out += "null";
+    return;
+  }
+  out += '{';
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    append(out, R"({}"{}":)", i > 0 ? "," : "", model.parameters[i].name);
+    append_number(out, values[i]);
+  }
+  out += '}';
+}
+
+void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit) {
+  if (model == nullptr) {
+    append(out, R"(,"fit":{{"model":null,"status":"{}"}})", to_string(fit.status));
+    return;
+  }
+  append(out, R"(,"fit":{{"model":"{}","status":"{}","refinements":{},"iterations":{},"chi2_reduced":)",
+         model->name, to_string(fit.status), fit.refinements, fit.iterations);
+  append_number(out, fit.chi2_reduced);
+  const std::size_t count = std::min<std::size_t>(fit.parameters_count, model->parameters.size());
+  out += R"(,"parameters":)";
+  append_by_parameter(out, *model, {fit.parameters.data(), count});
+  out += R"(,"std_errors":)";
+  append_by_parameter(out, *model, {fit.std_errors.data(), count});
+  out += R"(,"correlation":)";
+  const std::span<const double> correlation(fit.correlation.data(),
+                                            count * (count - (count > 0 ? 1 : 0)) / 2);
+  if (nothing_known(correlation)) {
+    out += "null";
+  } else {
+    out += '[';
+    append_list(out, correlation, [&](double value) { append_number(out, value); });
+    out += ']';
+  }
+  out += R"(,"virial_nn_nm":)";
+  append_number(out, fit.virial_nn_nm);
+  out += R"(,"dissipated_fw":)";
+  append_number(out, fit.dissipated_fw);
+  out += '}';
+}
+
+}  // namespace
+
+void append_pixel_line(std::string& out, const PixelMessage& message, PixelFields fields) {
+  out += R"({"jsonrpc":"2.0","method":"pixel","params":{)";
+  append_position(out, message.pixel);
+  append_channels(out, message);
+  if (fields != PixelFields::fit) append_tones(out, message);
+  if (fields != PixelFields::tones) append_fit(out, message.model, message.fit);
+  out += "}}\n";
+}
+
+std::string_view to_string(FitStatus status) {
+  return status_names[static_cast<std::size_t>(status)];
+}
+
+std::string_view to_string(Direction direction) {
+  return direction == Direction::trace ? "trace" : "retrace";
+}
+
+std::vector<std::string_view> flag_names(PixelFlags flags) {
+  std::vector<std::string_view> names;
+  for (const auto& [flag, name] : all_flags)
+    if (flags.has(flag)) names.push_back(name);
+  return names;
+}
+
+}  // namespace combforce

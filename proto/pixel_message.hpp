@@ -1,7 +1,12 @@
 // The `pixel` notification, byte for byte the same live and in replay (message contract).
 #pragma once
 
+#include <complex>
+#include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "dsp/channel.hpp"
 #include "dsp/comb.hpp"
@@ -13,18 +18,22 @@ namespace combforce {
 
 enum class PixelFields : std::uint8_t { fit, tones, all };
 
-// What a pixel message says: the pixel, its tones as tip deflection (nm, one a tone of the comb; NaN becomes null), and
-// the fit. The model is null when none is configured; `fit` is then an object with the status alone.
+// What a pixel message says: the pixel, its tones as tip deflection (nm, one a tone of the comb; NaN becomes
+// null), and the fit. Without a model (null) the fit says {"model": null, "status": …} alone. Parameters,
+// standard errors and correlation are null as a whole when none of their values is known, and null one by one
+// else.
 struct PixelMessage {
   const Pixel& pixel;
   const Comb& comb;
-  const Channels& channels;  // names of channel means: "<name>_<unit>"; channel 0 is left out
+  const Channels&
+      channels;  // of channel_means; keys "<name>_<unit>", unit in lower case; channel 0 is left out
   std::span<const std::complex<double>> tip_nm;
   const ModelInfo* model;
   const FitResult& fit;
 };
 
-// Appends one line with its newline. Objects keep the contract's order; non-integers carry 9 significant digits.
+// Appends one line with its newline. Objects keep the contract's order; non-integers carry 9 significant
+// digits; `tones` leaves the fit out, `fit` the tones. A pure function of its arguments. Reentrant.
 void append_pixel_line(std::string& out, const PixelMessage& message, PixelFields fields);
 
 std::string_view to_string(FitStatus status);

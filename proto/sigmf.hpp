@@ -1,5 +1,5 @@
-// SigMF 1.2.5 metadata with the extension afm 0.1.0 (recording contract). No samples: drivers/replay reads them,
-// daemon/record writes them.
+// SigMF 1.2.5 metadata with the extension afm 0.1.0 (recording contract). No samples: drivers/replay reads
+// them, daemon/record writes them.
 #pragma once
 
 #include <cstdint>
@@ -32,15 +32,17 @@ struct SigmfCapture {
   std::uint64_t sample_start = 0;  // frame in the file
   std::uint64_t global_index = 0;  // frame in the stream; sample_start when the file does not say
   std::optional<std::string> datetime;
-  std::uint32_t epoch = 0;         // afm:epoch, afm:epoch_reason: a break of the clock
+  std::uint32_t epoch = 0;  // afm:epoch, afm:epoch_reason: a break of the clock
   EpochReason epoch_reason = EpochReason::start;
   std::vector<std::uint64_t> steps;  // afm:steps: stream samples of commanded steps (drive, set-point)
-  Description changes;               // afm: objects valid from here on
+  std::vector<std::uint64_t>
+      scan_ends;        // afm:scan_ends: first stream samples after a scan ended or was stopped
+  Description changes;  // afm: objects valid from here on
 };
 
 struct SigmfLine {
-  LineMark mark;                    // stream indices
-  std::uint64_t sample_start = 0;   // surviving range in the file
+  LineMark mark;                   // stream indices
+  std::uint64_t sample_start = 0;  // surviving range in the file
   std::uint64_t sample_count = 0;
 };
 
@@ -49,8 +51,8 @@ struct SigmfMeta {
   double sample_rate_hz = 0.0;
   std::uint32_t num_channels = 1;
   std::optional<std::string> sha512;
-  Description description;           // of the global object
-  Json truth;                        // afm:truth as it stands, null when absent
+  Description description;             // of the global object
+  Json truth;                          // afm:truth as it stands, null when absent
   std::vector<SigmfCapture> captures;  // ordered by sample_start; never empty after reading
   std::vector<SigmfLine> lines;        // ordered as in the file: by sample_start
   Json rest;                           // what else the file holds (global only), preserved
