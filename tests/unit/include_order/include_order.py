@@ -11,6 +11,7 @@ from pathlib import Path
 # From left to right. The daemon's parts are ordered too: the pipeline and the recorder know of no server.
 FOLDERS = ["dsp", "fit", "proto", "drivers", "config", "daemon/pipeline", "daemon/record", "daemon", "daemon/serve",
            "daemon/cli"]
+PROGRAMS = {"daemon/combforce.cpp", "daemon/combforced.cpp"}  # the two mains: to the right of everything
 
 LIBRARIES = {
     "Eigen/": {"dsp", "fit"},
@@ -43,23 +44,23 @@ def folder_of(path):
     return max(fitting, key=len, default=None)
 
 
-def check_quoted(root, folder, included):
+def check_quoted(root, folder, name, included):
     target = folder_of(included)
     if target is None or not (root / included).is_file():
         return f'"{included}" is no file of {", ".join(FOLDERS)}'
-    if FOLDERS.index(target) > FOLDERS.index(folder):
+    if name not in PROGRAMS and FOLDERS.index(target) > FOLDERS.index(folder):
         return f'"{included}": {folder} may not include {target}'
     return None
 
 
-def check_angled(folder, included):
+def check_angled(folder, name, included):
     if "." not in included and "/" not in included:
         if folder in NUMERICS and included in NOT_IN_NUMERICS:
             return f"<{included}>: {folder} has no threads and no input or output"
         return None
     for prefix, allowed in LIBRARIES.items():
         if included.startswith(prefix):
-            return None if folder in allowed else f"<{included}>: {folder} may not use it"
+            return None if folder in allowed or name in PROGRAMS else f"<{included}>: {folder} may not use it"
     if included.endswith(".h") and not included.startswith("boost"):
         return f"<{included}>: {folder} may not use it" if folder in NUMERICS else None  # the system's own
     return f"<{included}>: not on the list of libraries"
@@ -75,7 +76,8 @@ def violations(root):
         name = path.relative_to(root).as_posix()
         folder = folder_of(name)
         for kind, included in INCLUDE.findall(path.read_text(encoding="utf-8")):
-            problem = check_quoted(root, folder, included) if kind == '"' else check_angled(folder, included)
+            problem = (check_quoted(root, folder, name, included) if kind == '"'
+                       else check_angled(folder, name, included))
             if problem:
                 yield f"{name}: {problem}"
 

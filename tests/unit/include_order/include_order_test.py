@@ -26,6 +26,7 @@ class IncludeOrder(unittest.TestCase):
             "daemon/pipeline/p.hpp": '#include "dsp/a.hpp"\n',
             "daemon/record/r.cpp": '#include "daemon/pipeline/p.hpp"\n#include <openssl/evp.h>\n',
             "daemon/i.hpp": '#include "daemon/pipeline/p.hpp"\n',
+            "daemon/combforced.cpp": '#include "daemon/serve/s.cpp"\n#include <CLI/CLI.hpp>\n',
             "daemon/serve/s.cpp": '#include "daemon/i.hpp"\n#include <boost/asio.hpp>\n',
             "tests/t.cpp": '#include "../anything.hpp"\n#include <gtest/gtest.h>\n',
         }))
