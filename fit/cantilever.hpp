@@ -32,8 +32,8 @@ std::complex<double> mode_response(const Mode& mode, double frequency_hz);
 // chi = sum_m chi_m: tip deflection per force at the tip, nm/nN.
 std::complex<double> tip_response(const Cantilever& cantilever, double frequency_hz);
 
-// chi_V = sum_m chi_m / alpha_m: detector signal per force at the tip, V/nN. The optical lever sees the slope,
-// hence a sensitivity per mode; tip deflection is (chi/chi_V) V.
+// chi_V = sum_m chi_m / alpha_m: detector signal per force at the tip, V/nN. The optical lever sees the
+// slope, hence a sensitivity per mode; tip deflection is (chi/chi_V) V.
 std::complex<double> detector_response(const Cantilever& cantilever, double frequency_hz);
 
 // chi/chi_V at a tone, nm/V: what turns a detector phasor into tip deflection for a force at the tip.

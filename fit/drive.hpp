@@ -19,15 +19,16 @@ enum class DriveScheme : std::uint8_t {
 
 struct Drive {
   DriveScheme scheme = DriveScheme::equal_energy;
-  double total_amplitude_nm = 50.0;     // sum of the free amplitudes (half the greatest peak-to-peak), > 0
-  std::vector<double> amplitudes_nm;    // scheme `amplitudes`: one a driven tone, >= 0
-  std::vector<double> phases_rad;       // of the drive forces at stream sample 0; empty: all 0
+  double total_amplitude_nm = 50.0;   // sum of the free amplitudes (half the greatest peak-to-peak), > 0
+  std::vector<double> amplitudes_nm;  // scheme `amplitudes`: one a driven tone, >= 0
+  std::vector<double> phases_rad;     // of the drive forces at stream sample 0; empty: all 0
 
   bool operator==(const Drive&) const = default;
 };
 
-// Peak phasors of the drive forces at the tip, nN, one a frequency, such that |chi F| are the free amplitudes.
-// Throws std::invalid_argument when the lists do not match `frequencies_hz` or a value is out of range.
+// Peak phasors of the drive forces at the tip, nN, one a frequency, such that |chi F| are the free
+// amplitudes. Throws std::invalid_argument when the lists do not match `frequencies_hz` or a value is out of
+// range.
 std::vector<std::complex<double>> drive_forces(const Drive& drive, const Cantilever& cantilever,
                                                std::span<const double> frequencies_hz);
 

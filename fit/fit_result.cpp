@@ -1,0 +1,22 @@
+#include "fit/fit_result.hpp"
+
+#include <limits>
+
+namespace combforce {
+
+FitResult unfitted(FitStatus status, std::size_t parameters_count) {
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  FitResult result;
+  result.status = status;
+  result.parameters_count = static_cast<std::uint32_t>(parameters_count);
+  result.chi2_reduced = unknown;
+  result.parameters.fill(unknown);
+  result.std_errors.fill(unknown);
+  result.quadrature_errors.fill(unknown);
+  result.correlation.fill(unknown);
+  result.virial_nn_nm = unknown;
+  result.dissipated_fw = unknown;
+  return result;
+}
+
+}  // namespace combforce

@@ -19,14 +19,14 @@ enum class FitStatus : std::uint8_t {
   flagged            // the pixel carries a flag: parameters NaN
 };
 
-// Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default: as
-// for `not_fitted`.
+// Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default:
+// as for `not_fitted`.
 struct FitResult {
   FitStatus status = FitStatus::not_fitted;
   std::uint32_t refinements = 0;  // off-comb iterations done (0: the paper's partial motion)
   std::uint32_t iterations = 0;   // of the solver, all starts and grids together
   std::uint32_t parameters_count = 0;
-  double chi2_reduced = 0.0;      // NaN without a noise model or degrees of freedom
+  double chi2_reduced = 0.0;  // NaN without a noise model or degrees of freedom
   std::array<double, max_parameters> parameters{};
   std::array<double, max_parameters> std_errors{};
   // How far the parameters move if the quadrature of the force balance is refined: its own error estimate.

@@ -1,0 +1,41 @@
+#include "fit/force_model.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <array>
+#include <stdexcept>
+#include <vector>
+
+#include "fit/model_list.hpp"
+
+namespace combforce {
+namespace {
+
+constexpr auto models =
+    std::apply([](auto... model) { return std::array{decltype(model)::model...}; }, ForceModels{});
+
+}  // namespace
+
+std::span<const ModelInfo> force_models() {
+  return models;
+}
+
+const ModelInfo& find_model(std::string_view name) {
+  std::vector<std::string_view> names;
+  for (const ModelInfo& info : models) {
+    if (info.name == name) return info;
+    names.push_back(info.name);
+  }
+  throw std::invalid_argument(fmt::format("model: \"{}\", must be one of {}", name, fmt::join(names, ", ")));
+}
+
+double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm,
+                   double /*velocity_nm_per_s*/) {
+  if (parameters.size() != model.parameters.size())
+    throw std::invalid_argument(fmt::format("parameters: {} values, but model {} has {}", parameters.size(),
+                                            model.name, model.parameters.size()));
+  return visit_model(model, [&](auto type) { return decltype(type)::force(parameters.data(), d_nm); });
+}
+
+}  // namespace combforce

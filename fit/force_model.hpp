@@ -1,5 +1,5 @@
-// The list of tip-surface force models. A model is one header (hertz.hpp, dmt.hpp) with its formula templated on
-// the scalar, plus one line in force_model.cpp.
+// The list of tip-surface force models. A model is one header (hertz.hpp, dmt.hpp) with its formula templated
+// on the scalar, plus one entry in model_list.hpp.
 #pragma once
 
 #include <limits>
@@ -27,8 +27,9 @@ std::span<const ModelInfo> force_models();
 // The model called `name`. Throws std::invalid_argument that lists the names there are.
 const ModelInfo& find_model(std::string_view name);
 
-// Force at tip deflection d (nm) with velocity d_dot (nm/s), nN, for plots and simulation; `parameters` in the
-// model's order. Dispatches once a call: hot loops use the model's own header.
-double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm, double velocity_nm_per_s = 0.0);
+// Force at tip deflection d (nm) with velocity d_dot (nm/s), nN, for plots and simulation; `parameters` in
+// the model's order. Dispatches once a call: hot loops use the model's own header.
+double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm,
+                   double velocity_nm_per_s = 0.0);
 
 }  // namespace combforce

@@ -9,8 +9,8 @@
 namespace combforce {
 
 struct FreeResponse {
-  std::uint64_t first_sample = 0;  // where it was captured
-  std::uint64_t windows = 0;       // averaged; 0 when not known
+  std::uint64_t first_sample = 0;             // where it was captured
+  std::uint64_t windows = 0;                  // averaged; 0 when not known
   std::vector<std::complex<double>> mean_nm;  // tip deflection, one a tone of the comb, phase at sample 0
   // Covariance of the mean, row-major over [re_0, im_0, re_1, im_1, ...], nm^2; absent when not known.
   std::optional<std::vector<double>> covariance;

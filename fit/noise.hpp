@@ -9,7 +9,8 @@ namespace combforce {
 
 struct Noise {
   double temperature_k = 0.0;  // >= 0
-  // Detector noise as equivalent tip deflection, nm/sqrt(Hz), one-sided: one value for all tones, or one a tone.
+  // Detector noise as equivalent tip deflection, nm/sqrt(Hz), one-sided: one value for all tones, or one a
+  // tone.
   std::vector<double> detector_nm_per_sqrt_hz{0.0};  // each >= 0
 
   bool operator==(const Noise&) const = default;
@@ -19,7 +20,7 @@ struct Noise {
 void validate(const Noise& noise, std::size_t tones);
 
 // One-sided density of the thermal force on a mode, nN^2/Hz: 2 kB T k/(pi f Q) = 4 kB T k/(w Q)
-// (fluctuation-dissipation; paper, section "Adding noise").
+// (fluctuation-dissipation; paper, equation 14).
 double thermal_force_density(const Mode& mode, double temperature_k);
 
 // The same as one force at the tip at a tone: sum_m |chi_m/chi|^2 S_m, nN^2/Hz.

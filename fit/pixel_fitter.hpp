@@ -30,9 +30,9 @@ struct ParameterBounds {
 
 struct FitSettings {
   std::string model = "dmt";
-  unsigned refine = 0;                     // 0: the paper's partial motion
-  Weighting weighting = Weighting::none;   // none: E as the paper has it (equation 9)
-  std::vector<ParameterBounds> bounds;     // override the model's own
+  unsigned refine = 0;                    // 0: the paper's partial motion
+  Weighting weighting = Weighting::none;  // none: E as the paper has it (equation 9)
+  std::vector<ParameterBounds> bounds;    // override the model's own
 
   bool operator==(const FitSettings&) const = default;
 };
@@ -51,8 +51,9 @@ struct FitConditions {
 // Throws std::invalid_argument naming field, value and bound.
 void validate(const FitConditions& conditions);
 
-// Fits one pixel at a time. A pure function of conditions and tones: no state passes from pixel to pixel and no
-// clock is read, so the same tones give the same bits. Thread-bound (one a thread); fit() does not allocate.
+// Fits one pixel at a time. A pure function of conditions and tones: no state passes from pixel to pixel and
+// no clock is read, so the same tones give the same bits. Thread-bound (one a thread); fit() does not
+// allocate.
 class PixelFitter {
  public:
   explicit PixelFitter(const FitConditions& conditions);  // validates
@@ -64,7 +65,8 @@ class PixelFitter {
   void fit(std::span<const std::complex<double>> tip_nm, FitResult& result);
 
   // As fit(), but from these parameters instead of the measured turning point (error maps, studies).
-  void fit_from(std::span<const std::complex<double>> tip_nm, std::span<const double> start, FitResult& result);
+  void fit_from(std::span<const std::complex<double>> tip_nm, std::span<const double> start,
+                FitResult& result);
 
   // The paper's E (equation 9), nN^2, at `parameters`; converged quadrature.
   double error(std::span<const std::complex<double>> tip_nm, std::span<const double> parameters);

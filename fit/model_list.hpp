@@ -1,0 +1,27 @@
+// The list of force models as types: hot loops are compiled for each, and dispatched once.
+#pragma once
+
+#include <tuple>
+#include <utility>
+
+#include "fit/dmt.hpp"
+#include "fit/force_model.hpp"
+#include "fit/hertz.hpp"
+
+namespace combforce {
+
+// A new model is a header and an entry here.
+using ForceModels = std::tuple<Hertz, Dmt>;
+
+// Calls function(Model{}) for the model that `info` describes and returns what it returns.
+template <typename Function, std::size_t Index = 0>
+decltype(auto) visit_model(const ModelInfo& info, Function&& function) {
+  using Model = std::tuple_element_t<Index, ForceModels>;
+  if constexpr (Index + 1 < std::tuple_size_v<ForceModels>) {
+    if (info.name != Model::model.name)
+      return visit_model<Function, Index + 1>(info, std::forward<Function>(function));
+  }
+  return std::forward<Function>(function)(Model{});
+}
+
+}  // namespace combforce
