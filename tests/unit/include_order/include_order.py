@@ -18,6 +18,7 @@ LIBRARIES = {
     "fftw3.h": {"dsp", "fit"},
     "hwy/": {"dsp"},
     "boost/lockfree/": {"dsp", "daemon/pipeline"},
+    "boost/math/": {"fit", "drivers"},
     "ceres/": {"fit"},
     "nlohmann/": {"proto", "config"},
     "libusb-1.0/": {"drivers"},
