@@ -59,6 +59,7 @@ Json encode_capture(const SigmfCapture& capture, std::uint32_t previous_epoch) {
     object["afm:epoch_reason"] = epoch_reason_names[static_cast<std::size_t>(capture.epoch_reason)];
   }
   if (!capture.steps.empty()) object["afm:steps"] = capture.steps;
+  if (!capture.scan_ends.empty()) object["afm:scan_ends"] = capture.scan_ends;
   encode_into(object, capture.changes, "afm:");
   add_missing(object, capture.rest);
   return object;

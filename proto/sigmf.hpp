@@ -40,9 +40,10 @@ struct SigmfCapture {
   std::optional<std::string> datetime;
   std::uint32_t epoch = 0;  // that of the previous capture (0 for the first) when the file does not say
   EpochReason epoch_reason = EpochReason::start;
-  std::vector<std::uint64_t> steps;  // stream samples of commanded steps (drive, set-point), ascending
-  Description changes;               // afm: objects valid from here on
-  Json rest;                         // other keys, preserved
+  std::vector<std::uint64_t> steps;      // stream samples of commanded steps (drive, set-point), ascending
+  std::vector<std::uint64_t> scan_ends;  // first stream samples after a scan ended or was stopped, ascending
+  Description changes;                   // afm: objects valid from here on
+  Json rest;                             // other keys, preserved
 };
 
 // The frames sample_start … sample_start + sample_count - 1 lie, mapped through the captures, within the

@@ -186,13 +186,20 @@ class Reader {
     }
     if (const auto reason = view.find("afm:epoch_reason"))
       capture.epoch_reason = static_cast<EpochReason>(reason->one_of(epoch_reason_names));
-    if (const auto steps = view.find("afm:steps"))
-      for (const auto& step : steps->elements())
-        capture.steps.push_back(step.integer(capture.steps.empty() ? 0 : capture.steps.back()));
+    capture.steps = read_ascending(view, "afm:steps");
+    capture.scan_ends = read_ascending(view, "afm:scan_ends");
     capture.changes = decode_description(view, "afm:", unknown_);
     check_channels(view, capture.changes);
-    warn_of_unknown(view, description_keys, {"afm:epoch", "afm:epoch_reason", "afm:steps"});
+    warn_of_unknown(view, description_keys, {"afm:epoch", "afm:epoch_reason", "afm:steps", "afm:scan_ends"});
     return capture;
+  }
+
+  static std::vector<std::uint64_t> read_ascending(const JsonView& object, std::string_view key) {
+    std::vector<std::uint64_t> samples;
+    if (const auto list = object.find(key))
+      for (const auto& sample : list->elements())
+        samples.push_back(sample.integer(samples.empty() ? 0 : samples.back()));
+    return samples;
   }
 
   void check_order(const JsonView& view, const SigmfCapture& capture) const {
