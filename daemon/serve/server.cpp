@@ -1,0 +1,97 @@
+#include "daemon/serve/server.hpp"
+
+#include <atomic>
+#include <utility>
+
+#include "daemon/serve/messages.hpp"
+#include "daemon/serve/methods.hpp"
+#include "daemon/serve/socket_server.hpp"
+#include "proto/pixel_message.hpp"
+
+namespace combforce {
+
+namespace {
+
+SocketServer::Addresses addresses(const ServerSettings& settings) {
+  SocketServer::Addresses result{settings.unix_socket, settings.address, {}};
+  if (settings.port != 0) result.port = settings.port;
+  return result;
+}
+
+SharedLine pixel_line(const RetiredPixel& pixel, PixelFields fields) {
+  const Description& description = pixel.analysis.description;
+  std::string line;
+  append_pixel_line(
+      line,
+      {pixel.pixel, *description.comb, *description.channels, pixel.tip_nm, pixel.analysis.model, pixel.fit},
+      fields);
+  return std::make_shared<const std::string>(std::move(line));
+}
+
+SharedLine shared_line(Topic topic, const Json& params) {
+  return std::make_shared<const std::string>(notification_line(to_string(topic), params));
+}
+
+}  // namespace
+
+class Server::Impl {
+ public:
+  explicit Impl(const ServerSettings& settings) : sockets(addresses(settings), settings.client_bytes) {}
+
+  SocketServer sockets;
+  std::atomic<std::uint64_t> pixel_sample{0};  // of the last pixel: frames have no sample of their own
+};
+
+Server::Server(const ServerSettings& settings) : impl_(std::make_unique<Impl>(settings)) {}
+Server::~Server() = default;
+
+void Server::run(Instrument& instrument) {
+  RpcTable table("Combforce", COMBFORCE_VERSION);
+  add_methods(table, instrument,
+              [this](std::function<void()> task) { impl_->sockets.post(std::move(task)); });
+  impl_->sockets.run(table, [this, &instrument] {
+    if (!impl_->sockets.wanted().status) return;
+    const InstrumentStatus status = instrument.status();
+    impl_->sockets.publish(
+        {Topic::status, status.sample, shared_line(Topic::status, encode(status)), nullptr});
+  });
+}
+
+void Server::stop() {
+  impl_->sockets.stop();
+}
+void Server::stop_on_signals() {
+  impl_->sockets.stop_on_signals();
+}
+std::string Server::tcp_endpoint() const {
+  return impl_->sockets.tcp_endpoint();
+}
+
+void Server::publish_pixel(const RetiredPixel& pixel) {
+  const std::uint64_t sample = pixel.pixel.span.first_sample;
+  impl_->pixel_sample.store(sample, std::memory_order_relaxed);
+  const Wanted wanted = impl_->sockets.wanted();
+  if (!wanted.pixel && !wanted.pixel_brief) return;
+  impl_->sockets.publish({Topic::pixel, sample, wanted.pixel ? pixel_line(pixel, PixelFields::all) : nullptr,
+                          wanted.pixel_brief ? pixel_line(pixel, PixelFields::fit) : nullptr});
+}
+
+void Server::publish_line(const LineDone& line) {
+  if (!impl_->sockets.wanted().line) return;
+  impl_->sockets.publish(
+      {Topic::line, line.mark.first_sample, shared_line(Topic::line, encode(line)), nullptr});
+}
+
+void Server::publish_frame(const FrameDone& frame) {
+  if (!impl_->sockets.wanted().frame) return;
+  const std::uint64_t sample = impl_->pixel_sample.load(std::memory_order_relaxed);
+  impl_->sockets.publish({Topic::frame, sample, shared_line(Topic::frame, encode(frame)), nullptr});
+}
+
+void Server::publish_event(const Event& event) {
+  if (!impl_->sockets.wanted().event) return;
+  impl_->sockets.publish(
+      {Topic::event, event.first_sample, shared_line(Topic::event, encode(event)), nullptr});
+}
+
+}  // namespace combforce

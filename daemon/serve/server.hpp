@@ -1,13 +1,14 @@
 // JSON-RPC 2.0, one message a line, on a Unix socket and on TCP (message contract).
 //
-// One table of methods drives dispatch, validation of parameters and rpc.discover. A client holds at most client_bytes
-// of unsent messages: beyond that its notifications are skipped, and an event {kind: "skipped", topic, count,
-// first_sample, last_sample} precedes the next one it gets; a reply that does not fit disconnects it.
+// One table of methods drives dispatch, validation of parameters and rpc.discover. A client holds at most
+// client_bytes of unsent messages. Its notifications are skipped beyond three quarters of that, and an event
+// {kind: "skipped", topic, count, first_sample, last_sample} precedes the next one it gets; a reply that does
+// not fit disconnects it.
 //
-// Thread rule: run() owns the calling thread (the I/O thread) until stop(); publish…() and stop() from any thread.
+// Thread rule: run() owns the calling thread (the I/O thread) until stop(); publish…() and stop() from any
+// thread.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -17,24 +18,26 @@
 
 namespace combforce {
 
-inline constexpr int protocol_version = 1;
-
 class Server {
  public:
-  // Binds the sockets: throws std::runtime_error naming the address. A stale Unix socket is replaced, a live one refused.
+  // Binds the sockets: throws std::runtime_error naming the address. A stale Unix socket is replaced, a live
+  // one refused.
   explicit Server(const ServerSettings& settings);
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  // Serves `instrument` until stop().
+  // Serves `instrument` until stop(); once. Clients that connect earlier wait. The sockets are removed when
+  // it returns.
   void run(Instrument& instrument);
-  void stop();  // also safe from a signal handler's asio handler; drains replies briefly, then closes
+  void stop();             // sends what is due, for half a second at most
+  void stop_on_signals();  // as stop() on SIGTERM and SIGINT from now on, until run() returns
 
-  // The address bound for TCP ("127.0.0.1:8720"; port 0 is asked for by tests), "" without.
+  // The address bound for TCP ("127.0.0.1:8720"), "" without.
   std::string tcp_endpoint() const;
 
-  // Notifications; serialised once, shared by all clients. They never wait.
+  // Notifications; serialised once, shared by all clients, and only when somebody has subscribed. They never
+  // wait.
   void publish_pixel(const RetiredPixel& pixel);
   void publish_line(const LineDone& line);
   void publish_frame(const FrameDone& frame);

@@ -1,0 +1,164 @@
+#include "daemon/serve/session.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/write.hpp>
+#include <utility>
+#include <vector>
+
+namespace combforce {
+
+namespace asio = boost::asio;
+using boost::system::error_code;
+
+namespace {
+
+constexpr std::size_t lines_a_write = 64;
+constexpr std::chrono::seconds patience{2};
+constexpr std::chrono::minutes patience_for_answers{1};
+
+std::string line_too_long() {
+  return fmt::format(
+      R"({{"jsonrpc":"2.0","id":null,"error":{{"code":{},"message":"a line has at most {} bytes"}}}})"
+      "\n",
+      rpc_invalid_request, Session::max_line_bytes);
+}
+
+}  // namespace
+
+Session::Session(StreamSocket socket, const RpcTable& table, std::uint64_t client_bytes, Hooks hooks)
+    : socket_(std::move(socket)),
+      table_(table),
+      hooks_(std::move(hooks)),
+      outbox_(client_bytes),
+      deadline_(socket_.get_executor()) {}
+
+void Session::start() {
+  read();
+}
+
+void Session::read() {
+  socket_.async_read_some(
+      asio::buffer(input_), [self = shared_from_this()](error_code error, std::size_t bytes) {
+        if (self->state_ == State::closed) return;
+        if (error) {
+          self->input_ended_ = true;
+          self->finish("it hung up",
+                       self->answers_due() ? patience_for_answers : std::chrono::milliseconds(patience));
+          return;
+        }
+        self->received(bytes);
+        if (self->state_ != State::closed) self->read();
+      });
+}
+
+void Session::received(std::size_t bytes) {
+  if (state_ != State::open) return;
+  const bool fits = framer_.feed({input_.data(), bytes}, [this](std::string_view line) {
+    if (state_ == State::open) handle(line);
+  });
+  if (fits || state_ != State::open) return;
+  reply(line_too_long());
+  finish("it sent too long a line", patience);
+}
+
+void Session::handle(std::string_view line) {
+  if (line.empty()) return;
+  const auto due = std::make_shared<std::shared_ptr<int>>(answer_token_);
+  table_.handle(line, subscriptions_, [weak = weak_from_this(), due](std::string answer) {
+    due->reset();
+    if (const auto self = weak.lock()) self->reply(std::move(answer));
+  });
+  hooks_.subscribed();
+}
+
+void Session::reply(std::string line) {
+  if (state_ == State::closed) return;
+  if (!outbox_.push_reply(std::move(line))) {
+    close("it does not take its replies");
+    return;
+  }
+  write();
+}
+
+void Session::deliver(const Notification& notification) {
+  if (state_ != State::open || !subscriptions_.has(notification.topic)) return;
+  if (notification.topic == Topic::pixel && due_pixels(1) == 0) return;
+  const bool brief = notification.topic == Topic::pixel && !subscriptions_.tones;
+  const SharedLine& line = brief ? notification.brief : notification.line;
+  if (line == nullptr) return;  // published before this client asked for it
+  outbox_.push_notification(notification.topic, notification.sample, line);
+  write();
+}
+
+void Session::deliver_loss(Topic topic, const Skipped& lost) {
+  if (state_ != State::open || !subscriptions_.has(topic)) return;
+  const std::uint64_t due = topic == Topic::pixel ? due_pixels(lost.count) : lost.count;
+  outbox_.skip(topic, due, lost.first_sample, lost.last_sample);
+  write();
+}
+
+// How many of the next `seen` pixels are due by `every`.
+std::uint64_t Session::due_pixels(std::uint64_t seen) {
+  const std::uint64_t every = subscriptions_.every;
+  const std::uint64_t before = (pixels_seen_ + every - 1) / every;
+  pixels_seen_ += seen;
+  return (pixels_seen_ + every - 1) / every - before;
+}
+
+void Session::write() {
+  if (writing_ != 0 || outbox_.empty()) return;
+  writing_ = std::min(outbox_.lines().size(), lines_a_write);
+  std::vector<asio::const_buffer> buffers;
+  buffers.reserve(writing_);
+  for (std::size_t i = 0; i < writing_; ++i) buffers.push_back(asio::buffer(*outbox_.lines()[i]));
+  asio::async_write(socket_, buffers, [self = shared_from_this()](error_code error, std::size_t) {
+    if (self->state_ == State::closed) return;
+    if (error) {
+      self->close(error.message());
+    } else {
+      self->written(std::exchange(self->writing_, 0));
+    }
+  });
+}
+
+void Session::written(std::size_t lines) {
+  outbox_.pop(lines);
+  write();
+  close_when_sent();
+}
+
+void Session::finish(std::string why, std::chrono::milliseconds at_most) {
+  if (state_ == State::closed) return;
+  state_ = State::finishing;
+  why_ = std::move(why);
+  deadline_.expires_after(at_most);
+  deadline_.async_wait([self = shared_from_this()](error_code error) {
+    if (!error) self->close(self->why_);
+  });
+  close_when_sent();
+}
+
+void Session::close_when_sent() {
+  if (state_ != State::finishing || writing_ != 0 || answers_due()) return;
+  if (input_ended_) {
+    close(why_);
+    return;
+  }
+  // Closing with input unread would reset the connection, and the last lines might never arrive: the client
+  // closes.
+  error_code ignored;
+  socket_.shutdown(StreamSocket::shutdown_send, ignored);
+}
+
+void Session::close(const std::string& why) {
+  if (std::exchange(state_, State::closed) == State::closed) return;
+  error_code ignored;
+  socket_.close(ignored);
+  deadline_.cancel();
+  hooks_.closed(*this, why);
+}
+
+}  // namespace combforce

@@ -1,0 +1,211 @@
+#include "daemon/serve/socket_server.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <csignal>
+#include <type_traits>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "daemon/serve/listener.hpp"
+#include "daemon/serve/session.hpp"
+
+namespace combforce {
+
+namespace asio = boost::asio;
+using boost::system::error_code;
+
+namespace {
+
+constexpr std::chrono::milliseconds patience_at_stop{500};
+constexpr std::chrono::milliseconds pause_after_failed_accept{100};
+
+constexpr unsigned brief_bit = 1u << topic_names.size();
+constexpr unsigned topic_bit(Topic topic) {
+  return 1u << index(topic);
+}
+
+unsigned wanted_bits(const Subscriptions& subscriptions) {
+  unsigned bits = 0;
+  for (std::size_t i = 0; i < topic_names.size(); ++i) bits |= subscriptions.topics[i] ? 1u << i : 0u;
+  if (subscriptions.has(Topic::pixel) && !subscriptions.tones)
+    bits = (bits & ~topic_bit(Topic::pixel)) | brief_bit;
+  return bits;
+}
+
+}  // namespace
+
+class SocketServer::Impl {
+ public:
+  Impl(const Addresses& addresses, std::uint64_t client_bytes)
+      : client_bytes_(client_bytes), queue_(client_bytes), signals_(io_), second_(io_), pause_(io_) {
+    if (!addresses.unix_socket.empty()) unix_ = std::make_unique<UnixListener>(io_, addresses.unix_socket);
+    if (addresses.port) tcp_ = std::make_unique<TcpListener>(io_, addresses.address, *addresses.port);
+    if (tcp_) tcp_endpoint_ = tcp_->endpoint();
+  }
+
+  void run(const RpcTable& table, std::function<void()> every_second) {
+    table_ = &table;
+    every_second_ = std::move(every_second);
+    if (unix_) accept(*unix_);
+    if (tcp_) accept(*tcp_);
+    tick();
+    io_.run();
+    signals_.clear();
+  }
+
+  void stop_on_signals() {
+    signals_.add(SIGTERM);
+    signals_.add(SIGINT);
+    signals_.async_wait([this](error_code error, int) {
+      if (!error) stop_here();
+    });
+  }
+
+  void stop() {
+    asio::post(io_, [this] { stop_here(); });
+  }
+
+  void post(std::function<void()> task) { asio::post(io_, std::move(task)); }
+
+  void publish(Notification notification) {
+    if (queue_.push(std::move(notification))) asio::post(io_, [this] { deliver(queue_.take()); });
+  }
+
+  unsigned wanted() const { return wanted_.load(std::memory_order_relaxed); }
+  const std::string& tcp_endpoint() const { return tcp_endpoint_; }
+
+ private:
+  template <class Listener>
+  void accept(Listener& listener) {
+    listener.acceptor().async_accept([this, &listener](error_code error, auto socket) {
+      if (stopping_) return;
+      if (error) {  // out of descriptors, say
+        spdlog::warn("accepting a client: {}", error.message());
+        pause_.expires_after(pause_after_failed_accept);
+        pause_.async_wait([this, &listener](error_code) {
+          if (!stopping_) accept(listener);
+        });
+        return;
+      }
+      if constexpr (std::is_same_v<Listener, TcpListener>) {
+        socket.set_option(asio::ip::tcp::no_delay(true), error);
+      }
+      admit(StreamSocket(std::move(socket)));
+      accept(listener);
+    });
+  }
+
+  void admit(StreamSocket socket) {
+    if (sessions_.size() >= max_clients) {
+      spdlog::warn("a client was turned away: there are {} already", sessions_.size());
+      return;
+    }
+    Session::Hooks hooks{[this] { refresh_wanted(); },
+                         [this](Session& session, const std::string& why) { closed(session, why); }};
+    auto session = std::make_shared<Session>(std::move(socket), *table_, client_bytes_, std::move(hooks));
+    sessions_.emplace(session.get(), session);
+    spdlog::debug("client connected, {} now", sessions_.size());
+    session->start();
+  }
+
+  void closed(Session& session, const std::string& why) {
+    sessions_.erase(&session);
+    spdlog::debug("client disconnected: {}; {} left", why, sessions_.size());
+    refresh_wanted();
+    if (stopping_ && sessions_.empty()) io_.stop();
+  }
+
+  void refresh_wanted() {
+    unsigned bits = 0;
+    for (const auto& [key, session] : sessions_) bits |= wanted_bits(session->subscriptions());
+    wanted_.store(bits, std::memory_order_relaxed);
+  }
+
+  void deliver(const NotificationBatch& batch) {
+    for (const Notification& notification : batch.notifications) {
+      for (const auto& [key, session] : sessions_) session->deliver(notification);
+    }
+    for (std::size_t i = 0; i < batch.lost.size(); ++i) {
+      if (batch.lost[i].count == 0) continue;
+      for (const auto& [key, session] : sessions_)
+        session->deliver_loss(static_cast<Topic>(i), batch.lost[i]);
+    }
+  }
+
+  void tick() {
+    second_.expires_after(std::chrono::seconds(1));
+    second_.async_wait([this](error_code error) {
+      if (error || stopping_) return;
+      every_second_();
+      tick();
+    });
+  }
+
+  void stop_here() {
+    if (std::exchange(stopping_, true)) return;
+    unix_.reset();
+    tcp_.reset();
+    deliver(queue_.take());
+    std::vector<std::shared_ptr<Session>> sessions;
+    for (const auto& [key, session] : sessions_) sessions.push_back(session);
+    for (const auto& session : sessions) session->finish("the server stops", patience_at_stop);
+    if (sessions_.empty()) io_.stop();
+  }
+
+  asio::io_context io_{1};
+  asio::executor_work_guard<asio::io_context::executor_type> work_ = asio::make_work_guard(io_);
+  std::uint64_t client_bytes_;
+  NotificationQueue queue_;
+  std::atomic<unsigned> wanted_{0};
+  const RpcTable* table_ = nullptr;
+  std::function<void()> every_second_;
+  std::unique_ptr<UnixListener> unix_;
+  std::unique_ptr<TcpListener> tcp_;
+  std::string tcp_endpoint_;
+  asio::signal_set signals_;
+  asio::steady_timer second_, pause_;
+  std::unordered_map<Session*, std::shared_ptr<Session>> sessions_;
+  bool stopping_ = false;
+};
+
+SocketServer::SocketServer(const Addresses& addresses, std::uint64_t client_bytes)
+    : impl_(std::make_unique<Impl>(addresses, client_bytes)) {}
+SocketServer::~SocketServer() = default;
+
+void SocketServer::run(const RpcTable& table, std::function<void()> every_second) {
+  impl_->run(table, std::move(every_second));
+}
+void SocketServer::stop() {
+  impl_->stop();
+}
+void SocketServer::stop_on_signals() {
+  impl_->stop_on_signals();
+}
+void SocketServer::post(std::function<void()> task) {
+  impl_->post(std::move(task));
+}
+void SocketServer::publish(Notification notification) {
+  impl_->publish(std::move(notification));
+}
+
+Wanted SocketServer::wanted() const {
+  const unsigned bits = impl_->wanted();
+  const auto has = [bits](Topic topic) { return (bits & topic_bit(topic)) != 0; };
+  return {has(Topic::pixel), (bits & brief_bit) != 0, has(Topic::line),
+          has(Topic::frame), has(Topic::status),      has(Topic::event)};
+}
+
+std::string SocketServer::tcp_endpoint() const {
+  return impl_->tcp_endpoint();
+}
+
+}  // namespace combforce

@@ -1,0 +1,56 @@
+// The socket side of the server: listeners and sessions on one I/O thread. What is said is not known here.
+//
+// Thread rule: run() owns the calling thread (the I/O thread); stop(), post(), publish() and wanted() from
+// any.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "daemon/serve/notification_queue.hpp"
+#include "daemon/serve/rpc.hpp"
+
+namespace combforce {
+
+// What at least one client has subscribed to.
+struct Wanted {
+  bool pixel = false, pixel_brief = false;  // with, and without tones
+  bool line = false, frame = false, status = false, event = false;
+};
+
+class SocketServer {
+ public:
+  static constexpr std::size_t max_clients = 64;  // more are turned away
+
+  struct Addresses {
+    std::string unix_socket;            // "": none
+    std::string address = "127.0.0.1";  // of TCP
+    std::optional<std::uint16_t> port;  // absent: no TCP; 0: any free one
+  };
+
+  // Binds: std::runtime_error naming the address.
+  SocketServer(const Addresses& addresses, std::uint64_t client_bytes);
+  ~SocketServer();
+  SocketServer(const SocketServer&) = delete;
+  SocketServer& operator=(const SocketServer&) = delete;
+
+  // Until stop(); once. `every_second` is called on the I/O thread. Both sockets are gone when it returns.
+  void run(const RpcTable& table, std::function<void()> every_second);
+  void stop();
+  void stop_on_signals();  // SIGTERM and SIGINT, also before run(); until run() returns
+  void post(std::function<void()> task);
+
+  void publish(Notification notification);
+  Wanted wanted() const;
+
+  std::string tcp_endpoint() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace combforce
