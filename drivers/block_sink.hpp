@@ -1,14 +1,17 @@
 // Where a digitizer puts its blocks: the seams digitizer -> extraction and digitizer -> recorder, each a ring
 // with its own accounting of loss.
 //
-// A consumer's loop:
-//     for (;;) {
+// A consumer's loop; the last block is published before the stream closes, hence the order of the questions:
+//
+//     for (bool last = false; !last;) {
 //       sink.wait_extraction();
-//       while (SampleBlock* block = sink.extraction().front()) { use(*block); sink.extraction().release();
-//       sink.released(); } if (sink.closed() and the ring is empty, or sink.cancelled()) break;
+//       last = sink.closed() || sink.cancelled();
+//       while (SampleBlock* block = sink.extraction().front()) {
+//         use(*block);
+//         sink.extraction().release();
+//         sink.released();
+//       }
 //     }
-// where closed() is asked before the ring is found empty: the last block is published before the stream
-// closes.
 #pragma once
 
 #include <atomic>
@@ -26,21 +29,19 @@ using SampleRing = SlotRing<SampleBlock>;
 // What push() does when a ring is full.
 enum class WhenFull : std::uint8_t {
   drop,  // live source: the new block is lost, counted, and reported as lost_before of the next one
-  wait   // a source that can wait (replay, free-running simulation): until there is room, stop_waiting() or
-         // cancel()
+  wait   // a source that can wait (replay, free-running simulation): until room, stop_waiting() or cancel()
 };
 
 // What a consumer sees at its ring, whatever the other ring suffers:
 // - `lost_before` is what the source lost plus what the sink dropped since the block delivered last in the
-// same
-//   epoch; a new epoch starts it afresh, since across epochs no count is meaningful. dropped_…() count on.
+//   same epoch. A new epoch starts it afresh, since across epochs no count is meaningful; dropped_…() count
+//   on.
 // - Marks of a dropped block travel with the next delivered block. Their `sample` then lies before that
 //   block's first_sample, within its lost_before or in an earlier epoch. What exceeds max_marks follows with
-//   the blocks after it, in order. Beyond `carried_marks` waiting ones, and at close(), marks are lost:
-//   lost_marks().
+//   the blocks after it, in order. Marks beyond `carried_marks` waiting ones, and those that still wait at
+//   close(), are lost: lost_marks_…().
 // - The recorder ring gets blocks only while recording; the first one of a recording has lost_before = 0 and
-// no marks
-//   but its own.
+//   no marks but its own.
 //
 // Thread rule: push() and close() from the digitizer's thread only; each ring's wait, front and release from
 // its one consumer thread; the rest from any. With WhenFull::drop, push() does not allocate, lock or wait;

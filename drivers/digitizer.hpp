@@ -1,9 +1,9 @@
 // The digitizer contract: every source of samples keeps it, and one contract test runs against all of them.
 //
-// Life: construct (throws std::invalid_argument or InputError on a bad setting) -> start() -> blocks are pushed into
-// the sink from the digitizer's own thread -> the stream ends by itself (recording over, device gone) or
-// by stop(). The stream itself never throws: loss is lost_before or a new epoch, the end is a state with a reason.
-// After the last block the digitizer calls sink.close(). A digitizer runs once.
+// Life: construct (throws std::invalid_argument or InputError on a bad setting) -> start() -> blocks are
+// pushed into the sink from the digitizer's own thread -> the stream ends by itself (recording over, device
+// gone) or by stop(). The stream itself never throws: loss is lost_before or a new epoch, the end is a state
+// with a reason. After the last block the digitizer calls sink.close(). A digitizer runs once.
 //
 // Thread rule: start(), stop() and the controls from one control thread; status() from any.
 #pragma once
@@ -22,13 +22,13 @@ namespace combforce {
 struct StreamInfo {
   double sample_rate_hz = 0.0;
   SampleFormat format = SampleFormat::i16;
-  Channels channels;                // one entry a channel, channel 0 is the deflection
-  std::uint32_t block_frames = 0;   // no block is longer
+  Channels channels;               // one entry a channel, channel 0 is the deflection
+  std::uint32_t block_frames = 0;  // no block is longer
   WhenFull when_full = WhenFull::drop;
-  bool marks_lines = false;  // line marks come with the stream; otherwise the client marks lines (scan.line)
-  bool is_recording = false; // a finished measurement: without line marks its pixels are windows from the start
-  bool has_scanner = false;  // start_scan(), stop_scan() work
-  bool has_drive = false;    // set_drive() works
+  bool marks_lines = false;   // line marks come with the stream; otherwise the client marks lines (scan.line)
+  bool is_recording = false;  // a finished measurement: without line marks its pixels are consecutive windows
+  bool has_scanner = false;   // start_scan(), stop_scan() work
+  bool has_drive = false;     // set_drive() works
   bool continuity_verifiable = true;  // false: samples may be lost without the source noticing
   std::string name;                   // for people: "simulated", "replay of FILE"
 };
@@ -57,8 +57,8 @@ class Digitizer {
   virtual StreamStatus status() const = 0;
 
   // Controls, present where info() says so; elsewhere they throw std::logic_error.
-  // Scans `frames` frames (0: until stopped); lines are marked in the stream. A change takes effect at the next
-  // pixel boundary, or at the next block when not scanning.
+  // Scans `frames` frames (0: until stopped); lines are marked in the stream. A change takes effect at the
+  // next pixel boundary, or at the next block when not scanning.
   virtual void start_scan(const ScanLayout& layout, std::uint32_t frames);
   virtual void stop_scan();
   virtual void set_drive(const Drive& drive);
