@@ -61,6 +61,7 @@ Json encode_capture(const SigmfCapture& capture, std::uint32_t previous_epoch) {
   if (!capture.steps.empty()) object["afm:steps"] = capture.steps;
   if (!capture.scan_ends.empty()) object["afm:scan_ends"] = capture.scan_ends;
   encode_into(object, capture.changes, "afm:");
+  if (capture.drops_free_response) object["afm:free_response"] = nullptr;
   add_missing(object, capture.rest);
   return object;
 }
@@ -93,6 +94,11 @@ std::string to_string(SigmfDatatype datatype) {
   for (const auto& [name, known] : datatypes)
     if (known == datatype) return std::string(name);
   throw std::invalid_argument("no SigMF datatype is read or written that way");
+}
+
+Description in_force_from(const SigmfCapture& capture, Description before) {
+  if (capture.drops_free_response) before.free_response.reset();
+  return overlay(std::move(before), capture.changes);
 }
 
 std::uint64_t stream_index(const std::vector<SigmfCapture>& captures, std::uint64_t file_frame) {

@@ -2,9 +2,9 @@
 // them, daemon/record writes them.
 //
 // Keys of captures beyond the contract's table: afm:epoch, afm:epoch_reason (a break of the clock; both stay
-// in force until the next break) and afm:steps. Not readable, with an error that says so: non-conforming
-// datasets (core:dataset, core:trailing_bytes, core:header_bytes), core:metadata_only, and parts of split
-// recordings (core:offset).
+// in force until the next break), afm:steps, afm:scan_ends, and afm:free_response may be null. Not readable,
+// with an error that says so: non-conforming datasets (core:dataset, core:trailing_bytes, core:header_bytes),
+// core:metadata_only, and parts of split recordings (core:offset).
 #pragma once
 
 #include <cstdint>
@@ -43,6 +43,7 @@ struct SigmfCapture {
   std::vector<std::uint64_t> steps;      // stream samples of commanded steps (drive, set-point), ascending
   std::vector<std::uint64_t> scan_ends;  // first stream samples after a scan ended or was stopped, ascending
   Description changes;                   // afm: objects valid from here on
+  bool drops_free_response = false;      // afm:free_response is null: none is valid from here on
   Json rest;                             // other keys, preserved
 };
 
@@ -73,6 +74,9 @@ struct SigmfMeta {
 // backwards, surviving ranges of lines, versions. Throws InputError with file and pointer.
 SigmfMeta read_sigmf_meta(const std::string& path);
 SigmfMeta parse_sigmf_meta(const Json& root, const std::string& file);
+
+// What is in force from a capture on, given what was before it.
+Description in_force_from(const SigmfCapture& capture, Description before);
 
 // The stream index of a frame of the file, through the captures: at least one, the first at 0.
 std::uint64_t stream_index(const std::vector<SigmfCapture>& captures, std::uint64_t file_frame);

@@ -160,7 +160,7 @@ class Reader {
     for (const auto& view : list.elements()) {
       SigmfCapture capture = read_capture(view);
       check_order(view, capture);
-      in_force = overlay(std::move(in_force), capture.changes);
+      in_force = in_force_from(capture, std::move(in_force));
       if (const auto fault = find_contradiction(in_force))
         view.fail(
             fmt::format("with what is in force here, afm:{} {}", fault->pointer.substr(1), fault->message));
@@ -188,7 +188,12 @@ class Reader {
       capture.epoch_reason = static_cast<EpochReason>(reason->one_of(epoch_reason_names));
     capture.steps = read_ascending(view, "afm:steps");
     capture.scan_ends = read_ascending(view, "afm:scan_ends");
-    capture.changes = decode_description(view, "afm:", unknown_);
+    Json object = view.json();
+    if (const auto free = view.find("afm:free_response"); free && free->json().is_null()) {
+      capture.drops_free_response = true;
+      object.erase("afm:free_response");
+    }
+    capture.changes = decode_description(JsonView(object, view.file(), view.pointer()), "afm:", unknown_);
     check_channels(view, capture.changes);
     warn_of_unknown(view, description_keys, {"afm:epoch", "afm:epoch_reason", "afm:steps", "afm:scan_ends"});
     return capture;
