@@ -67,8 +67,7 @@ void append_channels(std::string& out, const PixelMessage& message) {
   const std::size_t channels = std::min(message.channels.size(), message.pixel.channel_means.size());
   for (std::size_t i = 1; i < channels; ++i) {
     if (i > 1) out += ',';
-    const Channel& channel = message.channels[i];
-    append_key(out, channel.name + (channel.unit == "V" ? "_v" : "_" + channel.unit));
+    append_key(out, channel_key(message.channels[i]));
     append_number(out, message.pixel.channel_means[i]);
   }
   out += '}';
@@ -133,6 +132,10 @@ void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit) 
 }
 
 }  // namespace
+
+std::string channel_key(const Channel& channel) {
+  return channel.name + (channel.unit == "V" ? "_v" : "_" + channel.unit);
+}
 
 void append_pixel_line(std::string& out, const PixelMessage& message, PixelFields fields) {
   out += R"({"jsonrpc":"2.0","method":"pixel","params":{)";

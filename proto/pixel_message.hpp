@@ -36,6 +36,9 @@ struct PixelMessage {
 // digits; `tones` leaves the fit out, `fit` the tones. A pure function of its arguments. Reentrant.
 void append_pixel_line(std::string& out, const PixelMessage& message, PixelFields fields);
 
+// What a channel's mean is called: "<name>_<unit>", "z_nm".
+std::string channel_key(const Channel& channel);
+
 std::string_view to_string(FitStatus status);
 std::string_view to_string(Direction direction);
 std::vector<std::string_view> flag_names(PixelFlags flags);
