@@ -1,0 +1,221 @@
+#include "fit/pixel_fitter.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
+#include <variant>
+
+#include "fit/force_balance.hpp"
+#include "fit/measured_force.hpp"
+#include "fit/model_fitter.hpp"
+#include "fit/model_list.hpp"
+
+namespace combforce {
+namespace {
+
+template <typename... Models>
+std::variant<ModelFitter<Models>...> variant_of(std::tuple<Models...>);
+using AnyModelFitter = decltype(variant_of(ForceModels{}));
+
+std::vector<std::uint64_t> bins_of(const Comb& comb) {
+  std::vector<std::uint64_t> bins;
+  for (const Tone& tone : comb.tones) bins.push_back(tone.bin);
+  return bins;
+}
+
+std::vector<Bounds> bounds_of(const FitSettings& settings) {
+  std::vector<Bounds> bounds;
+  for (const ParameterInfo& info : find_model(settings.model).parameters) {
+    bounds.push_back({info.lower, info.upper});
+    for (const ParameterBounds& own : settings.bounds)
+      if (own.parameter == info.name) bounds.back() = {own.lower, own.upper};
+  }
+  return bounds;
+}
+
+void validate_bounds(const FitSettings& settings) {
+  const ModelInfo& model = find_model(settings.model);
+  for (std::size_t i = 0; i < settings.bounds.size(); ++i) {
+    const ParameterBounds& own = settings.bounds[i];
+    const auto info = std::ranges::find(model.parameters, own.parameter, &ParameterInfo::name);
+    if (info == model.parameters.end())
+      throw std::invalid_argument(fmt::format("settings.bounds[{}].parameter: \"{}\", not of model {}", i,
+                                              own.parameter, model.name));
+    if (!std::isfinite(own.lower) || !std::isfinite(own.upper) || !(own.lower < own.upper))
+      throw std::invalid_argument(fmt::format("settings.bounds[{}]: {} to {}, must be finite and ascending",
+                                              i, own.lower, own.upper));
+    if (info->lower > 0.0 && !(own.lower > 0.0))
+      throw std::invalid_argument(
+          fmt::format("settings.bounds[{}].lower: {}, must be positive for {}", i, own.lower, own.parameter));
+  }
+}
+
+void validate_free_response(const FreeResponse& free, std::size_t tones) {
+  if (free.mean_nm.size() != tones)
+    throw std::invalid_argument(
+        fmt::format("free_response.mean_nm: {} values for {} tones", free.mean_nm.size(), tones));
+  for (std::size_t i = 0; i < tones; ++i)
+    if (!std::isfinite(std::abs(free.mean_nm[i])))
+      throw std::invalid_argument(fmt::format("free_response.mean_nm[{}]: must be finite", i));
+  if (free.covariance && free.covariance->size() != 4 * tones * tones)
+    throw std::invalid_argument(fmt::format("free_response.covariance: {} values, must be {} for {} tones",
+                                            free.covariance->size(), 4 * tones * tones, tones));
+}
+
+void validate_weighting(const FitConditions& conditions) {
+  if (conditions.settings.weighting == Weighting::none) return;
+  if (!conditions.noise)
+    throw std::invalid_argument("settings.weighting: noise, but conditions.noise is missing");
+  const auto& detector = conditions.noise->detector_nm_per_sqrt_hz;
+  if (conditions.noise->temperature_k == 0.0 && std::ranges::find(detector, 0.0) != detector.end())
+    throw std::invalid_argument(
+        "settings.weighting: noise, but noise.temperature_k and detector noise are 0");
+}
+
+bool finite(std::span<const std::complex<double>> tones) {
+  return std::ranges::all_of(tones, [](std::complex<double> tone) {
+    return std::isfinite(tone.real()) && std::isfinite(tone.imag());
+  });
+}
+
+}  // namespace
+
+void validate(const FitConditions& conditions) {
+  if (!(conditions.sample_rate_hz > 0.0) || !std::isfinite(conditions.sample_rate_hz))
+    throw std::invalid_argument(
+        fmt::format("sample_rate_hz: {}, must be positive and finite", conditions.sample_rate_hz));
+  validate(conditions.comb);
+  if (conditions.windows < 1) throw std::invalid_argument("windows: 0, must be at least 1");
+  validate(conditions.cantilever);
+  const std::size_t tones = conditions.comb.tones.size();
+  if (conditions.free_response) validate_free_response(*conditions.free_response, tones);
+  if (conditions.noise) validate(*conditions.noise, tones);
+  if (conditions.settings.refine > 0)
+    throw std::invalid_argument(fmt::format("settings.refine: {}, must be 0 (the paper's partial motion)",
+                                            conditions.settings.refine));
+  validate_bounds(conditions.settings);
+  validate_weighting(conditions);
+}
+
+class PixelFitter::State {
+ public:
+  explicit State(const FitConditions& conditions)
+      : model_(&find_model(conditions.settings.model)),
+        tones_(conditions.comb.tones.size()),
+        refers_(conditions.free_response.has_value()),
+        measured_(refers_ ? conditions : without_motion(conditions)),
+        balance_(bins_of(conditions.comb)),
+        fitter_(make_fitter(conditions)),
+        weights_(tones_, 1.0),
+        ones_(tones_, 1.0),
+        last_(tones_) {
+    if (conditions.settings.weighting == Weighting::noise)
+      std::ranges::transform(measured_.variances(), weights_.begin(), [](double v) { return 1.0 / v; });
+  }
+
+  void fit(std::span<const std::complex<double>> tip_nm, std::span<const double> start, FitResult& result) {
+    const std::size_t count = model_->parameters.size();
+    require_tones(tip_nm);
+    if (!refers_) {
+      result = unfitted(FitStatus::no_free_response, count);
+      return;
+    }
+    if (!finite(tip_nm)) {
+      result = unfitted(FitStatus::not_converged, count);
+      return;
+    }
+    measured_.set(tip_nm);
+    if (!measured_.contact()) {
+      result = unfitted(FitStatus::no_contact, count);
+    } else if (std::ranges::all_of(tip_nm, [](std::complex<double> d) { return d == 0.0; })) {
+      result = unfitted(FitStatus::not_converged, count);
+    } else {
+      set_motion(tip_nm);
+      std::visit([&](auto& fitter) { fitter.fit(measured_, weights_, start, result); }, fitter_);
+    }
+    result.virial_nn_nm = measured_.virial_nn_nm();
+    result.dissipated_fw = measured_.dissipated_fw();
+  }
+
+  double error(std::span<const std::complex<double>> tip_nm, std::span<const double> parameters) {
+    require_tones(tip_nm);
+    measured_.set(tip_nm);
+    set_motion(tip_nm);
+    return std::visit([&](auto& fitter) { return fitter.error(measured_, ones_, parameters); }, fitter_);
+  }
+
+  const ModelInfo& model() const { return *model_; }
+
+ private:
+  // Without a free response nothing is fitted, and E refers to none.
+  static FitConditions without_motion(FitConditions conditions) {
+    conditions.free_response = FreeResponse{};
+    conditions.free_response->mean_nm.assign(conditions.comb.tones.size(), 0.0);
+    return conditions;
+  }
+
+  AnyModelFitter make_fitter(const FitConditions& conditions) {
+    return visit_model(*model_, [&](auto type) -> AnyModelFitter {
+      return ModelFitter<decltype(type)>(balance_, tones_, bounds_of(conditions.settings));
+    });
+  }
+
+  void require_tones(std::span<const std::complex<double>> tip_nm) const {
+    if (tip_nm.size() != tones_)
+      throw std::invalid_argument(fmt::format("tip_nm: {} values for {} tones", tip_nm.size(), tones_));
+  }
+
+  // Maps of E ask for one motion again and again.
+  void set_motion(std::span<const std::complex<double>> tip_nm) {
+    if (std::ranges::equal(tip_nm, last_)) return;
+    balance_.set_motion(tip_nm);
+    std::ranges::copy(tip_nm, last_.begin());
+  }
+
+  const ModelInfo* model_;
+  std::size_t tones_;
+  bool refers_;
+  MeasuredForce measured_;
+  ForceBalance balance_;
+  AnyModelFitter fitter_;
+  std::vector<double> weights_, ones_;
+  std::vector<std::complex<double>> last_;  // tones of the motion in balance_; all 0 at first
+};
+
+PixelFitter::PixelFitter(const FitConditions& conditions) {
+  validate(conditions);
+  state_ = std::make_unique<State>(conditions);
+}
+PixelFitter::~PixelFitter() = default;
+PixelFitter::PixelFitter(PixelFitter&&) noexcept = default;
+PixelFitter& PixelFitter::operator=(PixelFitter&&) noexcept = default;
+
+void PixelFitter::fit(std::span<const std::complex<double>> tip_nm, FitResult& result) {
+  state_->fit(tip_nm, {}, result);
+}
+
+void PixelFitter::fit_from(std::span<const std::complex<double>> tip_nm, std::span<const double> start,
+                           FitResult& result) {
+  if (start.size() != model().parameters.size())
+    throw std::invalid_argument(fmt::format("start: {} values, but model {} has {}", start.size(),
+                                            model().name, model().parameters.size()));
+  state_->fit(tip_nm, start, result);
+}
+
+double PixelFitter::error(std::span<const std::complex<double>> tip_nm, std::span<const double> parameters) {
+  if (parameters.size() != model().parameters.size())
+    throw std::invalid_argument(fmt::format("parameters: {} values, but model {} has {}", parameters.size(),
+                                            model().name, model().parameters.size()));
+  return state_->error(tip_nm, parameters);
+}
+
+const ModelInfo& PixelFitter::model() const {
+  return state_->model();
+}
+
+}  // namespace combforce

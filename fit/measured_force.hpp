@@ -1,0 +1,43 @@
+// The measured side of the force balance: F_i = chi^-1(w_i) (d_i - d_free,i) (paper, equation 6), its noise,
+// and what follows from it without a model.
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace combforce {
+
+struct FitConditions;
+
+// Thread-bound. Only the constructor allocates.
+class MeasuredForce {
+ public:
+  // Conditions are valid and have a free response.
+  explicit MeasuredForce(const FitConditions& conditions);
+
+  // Force phasors, nN, of these tip-deflection phasors, nm.
+  void set(std::span<const std::complex<double>> tip_nm);
+  std::span<const std::complex<double>> phasors() const { return forces_; }
+
+  // Variance of each quadrature, nN^2, one a tone, of the engaged measurement; all 0 without a noise model.
+  std::span<const double> variances() const { return variances_; }
+  bool noise_known() const { return noise_known_; }
+
+  // Whether the forces are distinguishable from none: sum |F_i|^2/s_i^2 exceeds the 5-sigma quantile of chi^2
+  // with two degrees of freedom a tone, s_i^2 being the variance of engaged and free measurement together
+  // and, for what noise leaves out, (1e-6 of the drive forces)^2: tones are extracted to 1e-6 of full scale.
+  bool contact() const;
+
+  double virial_nn_nm() const;   // 1/2 sum Re(F_i conj d_i)
+  double dissipated_fw() const;  // -1/2 sum w_i Im(F_i conj d_i)
+
+ private:
+  std::vector<std::complex<double>> inverse_response_, free_nm_, tip_nm_, forces_;
+  std::vector<double> angular_frequencies_, variances_, contact_variances_;
+  double contact_threshold_ = 0.0;
+  bool noise_known_ = false;
+};
+
+}  // namespace combforce
