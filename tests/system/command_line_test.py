@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+"""Both programs' --help, --version and exit statuses, and what --check-config says of bad configurations."""
+import json
+import unittest
+
+from harness import COMBFORCE, COMBFORCED, SystemTest, run, small_instrument
+
+SUBCOMMANDS = [["replay"], ["simulate"], ["paper"], ["status"], ["watch"], ["scan", "start"], ["scan", "stop"],
+               ["record", "start"], ["record", "stop"], ["free"]]
+
+
+class CommandLine(SystemTest):
+    def test_help(self):
+        for command in [[COMBFORCED], [COMBFORCE], *([COMBFORCE, *words] for words in SUBCOMMANDS)]:
+            done = run(*command, "--help")
+            self.assertEqual((0, ""), (done.returncode, done.stderr), command)
+            self.assertIn("--help", done.stdout)
+
+    def test_version(self):
+        for program in [COMBFORCED, COMBFORCE]:
+            done = run(program, "--version")
+            self.assertEqual(0, done.returncode)
+            self.assertRegex(done.stdout, r"\d+\.\d+\.\d+\n$")
+
+    def test_usage_errors_end_with_2(self):
+        for command in [[COMBFORCED, "--no-such-option"], [COMBFORCE], [COMBFORCE, "no-such-command"],
+                        [COMBFORCE, "replay"], [COMBFORCE, "replay", "x.sigmf-meta", "--refine", "many"]]:
+            done = run(*command)
+            self.assertEqual(2, done.returncode, command)
+            self.assertNotEqual("", done.stderr, command)
+
+    def test_no_daemon_ends_with_1(self):
+        socket = self.directory / "nobody.sock"
+        done = run(COMBFORCE, "status", "--connect", f"unix:{socket}")
+        self.assertEqual(1, done.returncode)
+        self.assertIn(str(socket), done.stderr)
+
+    def test_missing_input_ends_with_3(self):
+        missing = self.directory / "none.sigmf-meta"
+        for command in [[COMBFORCE, "replay", missing], [COMBFORCED, "--config", missing, "--check-config"]]:
+            done = run(*command)
+            self.assertEqual(3, done.returncode, command)
+            self.assertIn(str(missing), done.stderr)
+
+
+class Configurations(SystemTest):
+    def check(self, text):
+        path = self.write("daemon.json", text)
+        return path, run(COMBFORCED, "--config", path, "--check-config")
+
+    def refused(self, text, *said):
+        path, done = self.check(text)
+        self.assertEqual(3, done.returncode, done.stderr)
+        for part in [str(path), *said]:
+            self.assertIn(part, done.stderr)
+
+    def test_good(self):
+        _, done = self.check(json.dumps(small_instrument()))
+        self.assertEqual(0, done.returncode, done.stderr)
+
+    def test_comments(self):
+        _, done = self.check("// mine\n" + json.dumps(small_instrument()))
+        self.assertEqual(0, done.returncode, done.stderr)
+
+    def test_printed_configuration_is_the_same_again(self):
+        path = self.write("daemon.json", small_instrument())
+        first = run(COMBFORCED, "--config", path, "--print-config")
+        self.assertEqual(0, first.returncode, first.stderr)
+        again = run(COMBFORCED, "--config", self.write("printed.json", first.stdout), "--print-config")
+        self.assertEqual((0, first.stdout), (again.returncode, again.stdout))
+
+    def test_unknown_key(self):
+        self.refused(dict(small_instrument(), comb_teeth=3), "comb_teeth")
+        bad = small_instrument()
+        bad["digitizer"]["simulation"]["scene"]["colour"] = "red"
+        self.refused(bad, "/digitizer/simulation/scene", "colour")
+
+    def test_duplicate_key(self):
+        text = json.dumps(small_instrument())
+        self.refused(text[:-1] + ', "log_level": "info"}', "log_level")
+
+    def test_wrong_type(self):
+        self.refused(dict(small_instrument(), pipeline={"threads": "two"}), "/pipeline/threads", "two")
+
+    def test_out_of_range(self):
+        bad = small_instrument()
+        bad["cantilever"]["modes"][1]["quality_factor"] = -300.5
+        self.refused(bad, "/cantilever/modes/1/quality_factor", "-300.5", "0")
+        bad = small_instrument()
+        bad["scan"]["pixel_samples"] = 9999
+        self.refused(bad, "/scan", "pixel_samples", "9999", "10000")
+
+    def test_malformed(self):
+        self.refused('{"log_level": ', "line 1")
+
+
+if __name__ == "__main__":
+    unittest.main()
