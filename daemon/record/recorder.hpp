@@ -1,12 +1,17 @@
 // Writes the stream to disk as SigMF: a thread that drains the recorder ring of a BlockSink.
 //
-// REC.sigmf-data grows by whole blocks; REC.sigmf-meta is replaced atomically (write, fsync, rename) at most
-// once a second and at the end, when core:sha512 is added: after a crash or kill -9 the pair still replays,
-// less at most the last second of marks. A gap starts a new capture with core:global_index. Disk full or a
-// write error ends the recording with an event; the acquisition goes on.
+// REC.sigmf-data grows by whole blocks. REC.sigmf-meta is replaced atomically: when a recording starts, at
+// most once a second while it runs, and at the end, when core:sha512 is added. After a crash or kill -9 the
+// pair still replays, less at most the last second of marks. A gap or a new epoch starts a new capture with
+// core:global_index, and that capture is in the metadata before any sample after it is in the data, so that
+// no sample is ever misplaced (unless gaps come so densely that this would take more than a tenth of the
+// time: then it may wait up to a second). Replacing costs about 2 us a line recorded so far, and an fsync,
+// both on a second thread but for gaps.
 //
-// Thread rule: start(), stop() from one control thread; note_change() from the output thread; the rest from
-// any.
+// Disk full or a write error ends the recording with an event `record_failed`; the acquisition goes on. What
+// was written until then is closed as well as the disk allows.
+//
+// Thread rule: start(), stop() from one control thread; note_change() and the rest from any.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +31,7 @@ struct RecordingSummary {
   std::string meta_path;
   std::uint64_t first_sample = 0;
   std::uint64_t frames = 0;  // written
-  std::uint64_t gaps = 0;
+  std::uint64_t gaps = 0;    // within an epoch
   std::uint64_t lost_frames = 0;
   bool complete = false;  // closed with a sha512, no write failed
   std::string failure;    // why it ended early, for people
@@ -34,24 +39,29 @@ struct RecordingSummary {
 
 class Recorder {
  public:
-  // `event` is called from the recorder's thread.
+  // `event` is called from the recorder's thread, with kinds record_gap and record_failed.
   Recorder(const StreamInfo& info, BlockSink& sink, std::function<void(const Event&)> event);
   ~Recorder();  // stops
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
-  // Starts REC (existing files are refused: std::runtime_error naming the file). `description` goes to the
-  // global object, `truth` (null: none) to afm:truth.
+  // Starts REC with the next block. Existing files are refused, and what cannot be written:
+  // std::runtime_error naming the file. `description` goes to the global object, `truth` (null: none) to
+  // afm:truth. std::logic_error while running().
   void start(const std::string& recording, const Description& description, const Json& truth);
-  // Writes what the ring still holds, closes and returns the summary. Without a running recording:
-  // std::logic_error.
+  // Writes what the ring still holds, closes and returns the summary, also of a recording that ended by
+  // itself since start(). std::logic_error when there is none to stop.
   RecordingSummary stop();
+  // False before start(), and once the recording is closed: by stop(), by a failure, by the end of the
+  // stream.
   bool running() const;
-  RecordingSummary summary() const;  // so far
+  RecordingSummary summary() const;  // of the running or the last recording
 
-  // The description in force from `first_sample` on: a contiguous capture that carries what changed.
+  // The description in force from `first_sample` on: a contiguous capture that carries what changed, also
+  // when the writer is past that sample; before the first recorded sample it goes to the global object.
+  // Ignored when none runs.
   void note_change(std::uint64_t first_sample, const Description& description);
-  // A line the client marked (lines of the stream come with their blocks).
+  // A line the client marked (lines of the stream come with their blocks). Ignored when none runs.
   void note_line(const LineMark& mark);
 
  private:
