@@ -17,6 +17,14 @@ int main(int argc, char** argv) {
   CLI::App app{"Forces from multifrequency AFM: offline tool, and client of combforced", "combforce"};
   app.require_subcommand(1);
   combforce::Command command;
+  combforce::add_replay(app, command);
+  combforce::add_simulate(app, command);
+  combforce::add_status(app, command);
+  combforce::add_watch(app, command);
+  combforce::add_scan(app, command);
+  combforce::add_record(app, command);
+  combforce::add_free(app, command);
+  combforce::add_paper(app, command);
   add_version(app);
 
   try {

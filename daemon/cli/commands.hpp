@@ -20,5 +20,13 @@ using Command = std::function<int()>;
 //   status->callback([options, &command] { command = [options] { return run_status(*options); }; });
 
 // One line a subcommand, in the order of --help; combforce.cpp calls them.
+void add_replay(CLI::App& app, Command& command);
+void add_simulate(CLI::App& app, Command& command);
+void add_status(CLI::App& app, Command& command);
+void add_watch(CLI::App& app, Command& command);
+void add_scan(CLI::App& app, Command& command);
+void add_record(CLI::App& app, Command& command);
+void add_free(CLI::App& app, Command& command);
+void add_paper(CLI::App& app, Command& command);
 
 }  // namespace combforce

@@ -13,8 +13,8 @@ enum ExitCode : int {
   exit_bad_input = 3  // file, field, why
 };
 
-// Runs `command` and returns its exit code. InputError and std::invalid_argument end as bad input, anything
-// else as failed, each with one line "PROGRAM: what()" on stderr.
+// Runs `command` and returns its exit code. InputError ends as bad input with "FILE: POINTER: MESSAGE" on
+// stderr; std::invalid_argument likewise, anything else as failed, with "PROGRAM: what()".
 int run_command(const std::string& program, const std::function<int()>& command);
 
 }  // namespace combforce

@@ -1,0 +1,107 @@
+// combforced: the daemon. Runs one instrument, as configured, and serves it until SIGTERM or SIGINT.
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <string>
+
+#include "config/configuration.hpp"
+#include "daemon/cli/exit_code.hpp"
+#include "daemon/instrument.hpp"
+#include "daemon/serve/server.hpp"
+
+namespace {
+
+using namespace combforce;
+
+struct Options {
+  std::string config;
+  bool check = false;
+  bool print = false;
+};
+
+Configuration load(const Options& options) {
+  if (options.config.empty()) return {};
+  Configuration configuration = load_configuration(options.config);
+  if (configuration.digitizer.kind == DigitizerSettings::Kind::none) {
+    throw InputError(options.config, "/digitizer", "is missing: the daemon needs one");
+  }
+  return configuration;
+}
+
+void start_logging(const std::string& level) {
+  spdlog::set_default_logger(spdlog::stderr_color_mt("combforced"));
+  spdlog::set_level(spdlog::level::from_str(level));
+  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %^%l%$ %v", spdlog::pattern_time_type::utc);
+}
+
+void log_event(const Event& event) {
+  spdlog::info("{} at sample {}: {}", event.kind, event.first_sample, event.text);
+}
+
+PipelineOutputs outputs_to(Server& server) {
+  PipelineOutputs outputs;
+  outputs.pixel = [&server](const RetiredPixel& pixel) { server.publish_pixel(pixel); };
+  outputs.line = [&server](const LineDone& line) { server.publish_line(line); };
+  outputs.frame = [&server](const FrameDone& frame) { server.publish_frame(frame); };
+  outputs.event = [&server](const Event& event) {
+    log_event(event);
+    server.publish_event(event);
+  };
+  return outputs;
+}
+
+void log_addresses(const ServerSettings& settings, const Server& server) {
+  if (!settings.unix_socket.empty()) spdlog::info("listening on unix:{}", settings.unix_socket);
+  if (const std::string tcp = server.tcp_endpoint(); !tcp.empty()) spdlog::info("listening on {}", tcp);
+}
+
+int serve(const Configuration& configuration) {
+  start_logging(configuration.log_level);
+  std::signal(SIGPIPE, SIG_IGN);
+  Server server(configuration.server);
+  server.stop_on_signals();
+  Instrument instrument(configuration, outputs_to(server));
+  log_addresses(configuration.server, server);
+  instrument.start();
+  spdlog::info("{} runs at {} samples/s", instrument.info().name, instrument.info().sample_rate_hz);
+  server.run(instrument);
+  spdlog::info("stopping");
+  instrument.stop();
+  spdlog::info("stopped");
+  return exit_done;
+}
+
+int run(const Options& options) {
+  const Configuration configuration = load(options);
+  if (options.print) {
+    std::printf("%s\n", print_configuration(configuration).c_str());
+    return exit_done;
+  }
+  if (options.check) {
+    std::printf("%s: good\n", options.config.c_str());
+    return exit_done;
+  }
+  return serve(configuration);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Combforce daemon: forces from multifrequency AFM, live", "combforced"};
+  app.set_version_flag("--version", "combforced " COMBFORCE_VERSION);
+  Options options;
+  app.add_option("--config", options.config, "Configuration, JSON with comments")->type_name("FILE");
+  app.add_flag("--check-config", options.check, "Only check the configuration");
+  app.add_flag("--print-config", options.print,
+               "Only print the configuration with every default; without --config the defaults alone");
+  try {
+    app.parse(argc, argv);
+    if (options.config.empty() && !options.print) throw CLI::RequiredError("--config");
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? exit_done : exit_usage;
+  }
+  return run_command("combforced", [&options] { return run(options); });
+}
