@@ -1,0 +1,282 @@
+#include "daemon/instrument.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+#include <mutex>
+#include <stdexcept>
+#include <utility>
+
+#include "daemon/record/truth_writer.hpp"
+#include "drivers/replay/replay_digitizer.hpp"
+#include "drivers/simulated/simulated_digitizer.hpp"
+
+namespace combforce {
+namespace {
+
+using WallClock = std::chrono::system_clock;
+
+std::string iso8601(WallClock::time_point time) {
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(time);
+  const auto micros = std::chrono::duration_cast<std::chrono::microseconds>(time - seconds).count();
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:06}Z", fmt::gmtime(WallClock::to_time_t(seconds)), micros);
+}
+
+// What the captures of a recording change along the stream, each with the whole description in force from
+// there on.
+std::vector<ScheduledChange> changes_of(const SigmfMeta& meta, const Description& overriding) {
+  std::vector<ScheduledChange> changes;
+  Description in_force = meta.description;
+  for (const SigmfCapture& capture : meta.captures) {
+    const Description next = in_force_from(capture, in_force);
+    if (next != in_force) changes.push_back({capture.global_index, overlay(next, overriding)});
+    in_force = next;
+  }
+  return changes;
+}
+
+// The parts of a description that a simulated instrument knows of itself.
+Description description_of(const SimulationSettings& simulation) {
+  Description description;
+  description.cantilever = simulation.cantilever;
+  description.comb = simulation.comb;
+  description.scan = simulation.layout;
+  if (simulation.temperature_k > 0.0 || simulation.detector_nm_per_sqrt_hz > 0.0)
+    description.noise = Noise{simulation.temperature_k, {simulation.detector_nm_per_sqrt_hz}};
+  return description;
+}
+
+}  // namespace
+
+class Instrument::Impl {
+ public:
+  Impl(const Configuration& configuration, PipelineOutputs outputs)
+      : record_(configuration.record), outputs_(std::move(outputs)) {
+    std::vector<ScheduledChange> changes;
+    Description description = open(configuration, changes);
+    const StreamInfo& info = digitizer_->info();
+    std::size_t frame_bytes = sample_bytes(info.format) * info.channels.size();
+    sink_.emplace(configuration.pipeline.ring_blocks, info.block_frames * frame_bytes, info.when_full);
+    recorder_.emplace(info, *sink_, outputs_.event);
+    PipelineOutputs through = outputs_;
+    through.change = [this](std::uint64_t first_sample, const Analysis& analysis) {
+      note_change(first_sample, analysis);
+    };
+    pipeline_.emplace(info, *sink_, configuration.pipeline, std::move(description), std::move(changes),
+                      std::move(through));
+    in_force_ = pipeline_->analysis()->description;
+  }
+
+  ~Impl() { stop(); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  void start() {
+    pipeline_->start();
+    digitizer_->start(*sink_);
+  }
+
+  void wait() {
+    pipeline_->wait();
+    digitizer_->stop();
+  }
+
+  void stop() {
+    digitizer_->stop();
+    if (recorder_->running()) stop_recording();
+    pipeline_->stop();
+  }
+
+  const StreamInfo& info() const { return digitizer_->info(); }
+
+  InstrumentStatus status() const {
+    InstrumentStatus status;
+    status.sample = sink_->next_sample();
+    status.utc = iso8601(WallClock::now());
+    // The newest block ended somewhere within the last block's time, if blocks come as they should.
+    status.uncertainty_s = info().block_frames / info().sample_rate_hz;
+    status.stream = digitizer_->status();
+    status.pipeline = pipeline_->status();
+    status.recording = recorder_->running();
+    status.record = recorder_->summary();
+    status.dropped_extraction = sink_->dropped_extraction();
+    status.dropped_recorder = sink_->dropped_recorder();
+    return status;
+  }
+
+  Description description() const { return pipeline_->analysis()->description; }
+
+  void start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
+    if (digitizer_->status().scanning) throw std::logic_error("a scan is running");
+    Description next = description();
+    if (layout) next.scan = *layout;
+    if (!next.scan)
+      throw std::invalid_argument("scan: missing: neither the request nor the configuration has one");
+    pipeline_->change(next);
+    if (info().has_scanner) digitizer_->start_scan(pipeline_->analysis()->layout, frames);
+  }
+
+  void stop_scan() {
+    if (info().has_scanner) digitizer_->stop_scan();
+  }
+
+  void mark_line(const LineMark& mark) {
+    if (info().marks_lines) throw std::logic_error("this digitizer marks its lines itself");
+    if (mark.line_samples == 0) throw std::invalid_argument("line_samples: 0 is below 1");
+    if (!pipeline_->mark_line(mark)) throw std::logic_error("too many lines wait for their samples already");
+    recorder_->note_line(mark);
+  }
+
+  std::string start_recording(const std::string& name) {
+    const std::string plain =
+        name.empty() ? fmt::format("{:%Y%m%dT%H%M%SZ}", fmt::gmtime(WallClock::to_time_t(WallClock::now())))
+                     : name;
+    if (plain.find('/') != std::string::npos || plain.front() == '.')
+      throw std::invalid_argument(
+          fmt::format("name: \"{}\" must be a plain file name without '/' or leading '.'", plain));
+    if (recorder_->running()) throw std::logic_error("a recording is running");
+    const std::string recording = (std::filesystem::path(record_.directory) / plain).string();
+    Json truth;
+    if (simulated_ != nullptr) {
+      truth_.emplace(recording + ".truth.ndjson", *simulated_);
+      truth = Json{{"file", plain + ".truth.ndjson"}};
+    }
+    const std::scoped_lock lock(mutex_);
+    recorder_->start(recording, in_force_, truth);
+    return recorder_->summary().meta_path;
+  }
+
+  RecordingSummary stop_recording() {
+    RecordingSummary summary = recorder_->stop();
+    truth_.reset();
+    return summary;
+  }
+
+  void capture_free(std::uint32_t windows, FreeDone done) {
+    if (digitizer_->status().scanning)
+      throw std::logic_error("a scan is running: the free response is captured away from the surface");
+    if (info().is_recording && !info().marks_lines)
+      throw std::logic_error("a recording without lines has no free stretch to capture");
+    pipeline_->capture_free(
+        windows, [this, done = std::move(done)](std::optional<FreeResponse> free, std::string why) {
+          if (free) {
+            Description next = description();
+            next.free_response = free;
+            pipeline_->change(std::move(next));
+          }
+          done(std::move(free), std::move(why));
+        });
+  }
+
+  Drive drive() const { return digitizer_->drive(); }
+
+  void set_drive(const Drive& drive) {
+    Description next = description();
+    next.free_response.reset();  // it was the response to the old drive
+    digitizer_->set_drive(drive);
+    pipeline_->change(std::move(next));
+  }
+
+  void set_fit(const FitSettings& fit) {
+    Description next = description();
+    next.fit = fit;
+    pipeline_->change(std::move(next));
+  }
+
+ private:
+  Description open(const Configuration& configuration, std::vector<ScheduledChange>& changes) {
+    if (configuration.digitizer.kind == DigitizerSettings::Kind::simulated) {
+      auto simulated = std::make_unique<SimulatedDigitizer>(configuration.digitizer.simulation);
+      simulated_ = simulated.get();
+      digitizer_ = std::move(simulated);
+      Description description =
+          overlay(description_of(configuration.digitizer.simulation), configuration.description);
+      if (!description.channels) description.channels = digitizer_->info().channels;
+      return description;
+    }
+    const ReplaySettings& replay = configuration.digitizer.replay;
+    auto digitizer = std::make_unique<ReplayDigitizer>(
+        replay.recording, ReplayOptions{.realtime = replay.realtime, .verify = replay.verify});
+    const SigmfMeta& meta = digitizer->meta();
+    if (outputs_.event)
+      for (const std::string& warning : digitizer->warnings())
+        outputs_.event({.kind = "warning", .first_sample = 0, .count = 0, .text = warning});
+    changes = changes_of(meta, configuration.description);
+    Description description = overlay(meta.description, configuration.description);
+    digitizer_ = std::move(digitizer);
+    return description;
+  }
+
+  void note_change(std::uint64_t first_sample, const Analysis& analysis) {
+    {
+      const std::scoped_lock lock(mutex_);
+      in_force_ = analysis.description;
+      if (recorder_->running()) recorder_->note_change(first_sample, analysis.description);
+    }
+    if (outputs_.change) outputs_.change(first_sample, analysis);
+  }
+
+  const RecordSettings record_;
+  PipelineOutputs outputs_;
+  std::unique_ptr<Digitizer> digitizer_;
+  SimulatedDigitizer* simulated_ = nullptr;  // digitizer_ when it is one
+  std::optional<BlockSink> sink_;
+  std::optional<Recorder> recorder_;
+  std::optional<TruthWriter> truth_;
+  std::mutex mutex_;      // of in_force_, and so that no change slips past a recording that starts
+  Description in_force_;  // of the pixel last put out
+  std::optional<Pipeline> pipeline_;
+};
+
+Instrument::Instrument(const Configuration& configuration, PipelineOutputs outputs)
+    : impl_(std::make_unique<Impl>(configuration, std::move(outputs))) {}
+Instrument::~Instrument() = default;
+void Instrument::start() {
+  impl_->start();
+}
+void Instrument::wait() {
+  impl_->wait();
+}
+void Instrument::stop() {
+  impl_->stop();
+}
+const StreamInfo& Instrument::info() const {
+  return impl_->info();
+}
+InstrumentStatus Instrument::status() const {
+  return impl_->status();
+}
+Description Instrument::description() const {
+  return impl_->description();
+}
+void Instrument::start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
+  impl_->start_scan(layout, frames);
+}
+void Instrument::stop_scan() {
+  impl_->stop_scan();
+}
+void Instrument::mark_line(const LineMark& mark) {
+  impl_->mark_line(mark);
+}
+std::string Instrument::start_recording(const std::string& name) {
+  return impl_->start_recording(name);
+}
+RecordingSummary Instrument::stop_recording() {
+  return impl_->stop_recording();
+}
+void Instrument::capture_free(std::uint32_t windows, FreeDone done) {
+  impl_->capture_free(windows, std::move(done));
+}
+Drive Instrument::drive() const {
+  return impl_->drive();
+}
+void Instrument::set_drive(const Drive& drive) {
+  impl_->set_drive(drive);
+}
+void Instrument::set_fit(const FitSettings& fit) {
+  impl_->set_fit(fit);
+}
+
+}  // namespace combforce

@@ -17,6 +17,8 @@
 
 namespace combforce {
 
+using FreeDone = std::function<void(std::optional<FreeResponse>, std::string)>;
+
 struct InstrumentStatus {
   StreamStatus stream;
   PipelineStatus pipeline;

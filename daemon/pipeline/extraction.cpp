@@ -122,7 +122,9 @@ void Extraction::miss(std::uint64_t until, PixelFlag why) {
     emit_pixel();
     if (marked_ || ++published < most_lost_pixels) continue;
     const std::uint64_t length = span_.end_sample - span_.first_sample;
-    pixel_index_ += static_cast<std::uint32_t>((until - span_.first_sample) / length);
+    const std::uint64_t left_out = (until - span_.first_sample) / length;
+    unmarked_first_ += left_out * length;
+    unmarked_column_ += static_cast<std::uint32_t>(left_out);
     begin_pixel();
   }
   if (in_pixel() && span_.first_sample < until) flags_.set(why);
@@ -179,6 +181,9 @@ void Extraction::consume_free(const SampleBlock& block, std::uint64_t until) {
   for (std::size_t i = 0; i < tones.size(); ++i) tones[i] *= scale * stage_->analysis->tip_per_volt[i];
   if (capture_->add(capture_window_, tones)) {
     end_capture(nullptr);
+    // Behind a source that can wait, what the capture changes is in force before the stream goes on: runs
+    // repeat.
+    if (info_.when_full == WhenFull::wait) slots_.wait_retired();
     return;
   }
   capture_window_ = cursor_;

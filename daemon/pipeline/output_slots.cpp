@@ -52,7 +52,15 @@ void OutputSlots::wait_front() {
 }
 
 void OutputSlots::wait_room() {
-  auto& state = entries_[head_].state;
+  wait_empty(head_);
+}
+
+void OutputSlots::wait_retired() {
+  wait_empty((head_ + size_ - 1) % size_);
+}
+
+void OutputSlots::wait_empty(std::size_t index) {
+  auto& state = entries_[index].state;
   for (State now = state.load(std::memory_order_acquire); now != State::empty;
        now = state.load(std::memory_order_acquire))
     state.wait(now, std::memory_order_acquire);

@@ -73,8 +73,9 @@ class OutputSlots {
   // The oldest slot when it is complete, else null.
   OutputSlot* front();
   void retire();
-  void wait_front();  // output thread: until front() is not null
-  void wait_room();   // extraction: until acquire() is not null
+  void wait_front();    // output thread: until front() is not null
+  void wait_room();     // extraction: until acquire() is not null
+  void wait_retired();  // extraction: until everything committed is retired
 
  private:
   enum class State : std::uint32_t { empty, pending, complete };
@@ -82,6 +83,8 @@ class OutputSlots {
     OutputSlot slot;
     std::atomic<State> state{State::empty};
   };
+
+  void wait_empty(std::size_t index);
 
   std::unique_ptr<Entry[]> entries_;
   std::size_t size_;
