@@ -18,11 +18,9 @@ namespace combforce {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Durability = RecordingFile::Durability;
 
 constexpr auto meta_period = std::chrono::seconds(1);
-constexpr int gap_rest_factor = 9;  // announcing gaps may take one part in ten of the time
 
 // One recording from start to close: the files, what the metadata will say, and the two threads.
 class Recording {
@@ -96,7 +94,7 @@ class Recording {
     const UtcTime utc =
         std::chrono::system_clock::now() - std::chrono::duration_cast<UtcTime::duration>(duration);
     try {
-      if (begin_block(header, utc)) announce();
+      if (begin_block(header, utc)) replace_meta(Durability::process);
       file_.append(block.storage.data(), header.bytes());
       const std::lock_guard lock(mutex_);
       index_.end_block();
@@ -120,14 +118,6 @@ class Recording {
     const std::uint64_t lost = header.first_sample - end;
     if (gap) report({"record_gap", end, lost, fmt::format("{} frames are missing in the recording", lost)});
     return new_capture;
-  }
-
-  void announce() {
-    const Clock::time_point begun = Clock::now();
-    if (begun < next_announcement_) return;
-    replace_meta(Durability::process);
-    const Clock::time_point done = Clock::now();
-    next_announcement_ = done + gap_rest_factor * (done - begun);
   }
 
   RecordingSummary summary_locked() const {
@@ -210,7 +200,6 @@ class Recording {
   BlockSink& sink_;
   const std::function<void(const Event&)>& event_;
   RecordingFile file_;
-  Clock::time_point next_announcement_;  // of the writer
   std::thread writer_, meta_keeper_;
   std::atomic<bool> closed_{false};
   mutable std::mutex mutex_;  // guards what follows
