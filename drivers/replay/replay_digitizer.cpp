@@ -92,8 +92,11 @@ class ReplayDigitizer::Impl {
   void start(BlockSink& sink) {
     if (sink_ != nullptr) throw std::logic_error("a digitizer runs once: start() was called before");
     sink_ = &sink;
-    status_.state = StreamState::running;
     started_ = Clock::now();
+    {
+      const std::lock_guard lock(mutex_);
+      status_.state = StreamState::running;
+    }
     thread_ = std::thread([this] { run(); });
   }
 
@@ -160,9 +163,9 @@ class ReplayDigitizer::Impl {
         take_marks(header, end);
         file_.read(header.frames, block.storage.data());
         if (!pace(header.first_sample + header.frames)) return false;
-        sink_->push(header, block.storage.data());
+        const bool delivered = sink_->push(header, block.storage.data());
+        if (!delivered && (!options_.realtime || sink_->cancelled())) return false;
         note(header);
-        if (sink_->cancelled()) return false;
         header.lost_before = 0;
       }
     }

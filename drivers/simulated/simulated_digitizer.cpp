@@ -206,8 +206,8 @@ class SimulatedDigitizer::Impl {
     }
     if (lost) {
       lose(header);
-    } else {
-      deliver(header);
+    } else if (!deliver(header)) {
+      return;
     }
     note_progress(header, lost);
   }
@@ -232,7 +232,8 @@ class SimulatedDigitizer::Impl {
     }
   }
 
-  void deliver(BlockHeader& header) {
+  // False: stopped before the block was out.
+  bool deliver(BlockHeader& header) {
     header.epoch = epoch_;
     header.epoch_reason = epoch_ == 0 ? EpochReason::start : EpochReason::unknown_loss;
     header.lost_before = std::exchange(lost_before_, 0);
@@ -245,9 +246,9 @@ class SimulatedDigitizer::Impl {
       const double due_s = static_cast<double>(source_.next_sample()) / settings_.sample_rate_hz;
       sleep_until(started_ +
                   std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(due_s)));
-      if (stopping()) return;
+      if (stopping()) return false;
     }
-    sink_->push(header, codes_.data());
+    return sink_->push(header, codes_.data()) || settings_.paced;
   }
 
   void note_progress(const BlockHeader& header, bool lost) {
