@@ -190,7 +190,8 @@ Json RpcTable::discover() const {
   for (const RpcMethod& method : methods_) {
     Json params = Json::array();
     const Json required = method.params.value("required", Json::array());
-    for (const auto& item : method.params.value("properties", Json::object()).items()) {
+    const Json properties = method.params.value("properties", Json::object());
+    for (const auto& item : properties.items()) {
       const bool needed = std::find(required.begin(), required.end(), item.key()) != required.end();
       params.push_back({{"name", item.key()}, {"required", needed}, {"schema", item.value()}});
     }

@@ -71,11 +71,12 @@ void Session::handle(std::string_view line) {
     due->reset();
     if (const auto self = weak.lock()) self->reply(std::move(answer));
   });
-  hooks_.subscribed();
+  hooks_.subscribed();  // a notification has no reply
 }
 
 void Session::reply(std::string line) {
   if (state_ == State::closed) return;
+  hooks_.subscribed();  // before the client learns of it: from then on nothing may be missed
   if (!outbox_.push_reply(std::move(line))) {
     close("it does not take its replies");
     return;

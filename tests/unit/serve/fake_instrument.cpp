@@ -1,0 +1,75 @@
+#include "fake_instrument.hpp"
+
+#include <stdexcept>
+#include <utility>
+
+namespace combforce {
+
+FakeInstrument& fake_instrument() {
+  static FakeInstrument fake;
+  return fake;
+}
+
+namespace {
+
+FakeInstrument& willing() {
+  if (!fake_instrument().refuse.empty()) throw std::logic_error(fake_instrument().refuse);
+  return fake_instrument();
+}
+
+}  // namespace
+
+class Instrument::Impl {};
+
+Instrument::Instrument(const Configuration&, PipelineOutputs) {}
+Instrument::~Instrument() = default;
+void Instrument::start() {}
+void Instrument::wait() {}
+void Instrument::stop() {}
+const StreamInfo& Instrument::info() const {
+  return fake_instrument().info;
+}
+InstrumentStatus Instrument::status() const {
+  return fake_instrument().status;
+}
+Description Instrument::description() const {
+  return fake_instrument().description;
+}
+
+void Instrument::start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
+  willing().scan_layout = layout;
+  fake_instrument().scan_frames = frames;
+  fake_instrument().scanning = true;
+}
+void Instrument::stop_scan() {
+  willing().scanning = false;
+}
+void Instrument::mark_line(const LineMark& mark) {
+  willing().lines.push_back(mark);
+}
+
+std::string Instrument::start_recording(const std::string& name) {
+  willing().recordings.push_back(name);
+  return name + ".sigmf-meta";
+}
+RecordingSummary Instrument::stop_recording() {
+  return willing().status.record;
+}
+
+void Instrument::capture_free(std::uint32_t windows,
+                              std::function<void(std::optional<FreeResponse>, std::string)> done) {
+  willing().free_windows = windows;
+  fake_instrument().free_done = std::move(done);
+}
+
+Drive Instrument::drive() const {
+  return fake_instrument().drive;
+}
+void Instrument::set_drive(const Drive& drive) {
+  willing().drive = drive;
+}
+void Instrument::set_fit(const FitSettings& fit) {
+  willing().fit = fit;
+}
+
+}  // namespace combforce
