@@ -14,8 +14,8 @@ FOLDERS = ["dsp", "fit", "proto", "drivers", "config", "daemon/pipeline", "daemo
 PROGRAMS = {"daemon/combforce.cpp", "daemon/combforced.cpp"}  # the two mains: to the right of everything
 
 LIBRARIES = {
-    "Eigen/": {"dsp", "fit"},
-    "fftw3.h": {"dsp", "fit"},
+    "Eigen/": {"dsp", "fit", "daemon/cli"},
+    "fftw3.h": {"dsp", "fit", "daemon/cli"},
     "hwy/": {"dsp"},
     "boost/lockfree/": {"dsp", "daemon/pipeline"},
     "boost/math/": {"fit", "drivers"},

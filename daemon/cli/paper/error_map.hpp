@@ -1,0 +1,24 @@
+// The paper's figure 2: E over (p0, p1) of the Hertz model, and from where a solver finds its minimum.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "daemon/cli/paper/cases.hpp"
+#include "daemon/cli/paper/tables.hpp"
+
+namespace combforce::paper {
+
+struct ErrorMap {
+  const Case* of = nullptr;
+  std::vector<double> p0_nm, p1;               // the grid
+  std::vector<double> error_nn2;               // [p0][p1]
+  std::vector<std::uint8_t> found;             // [p0][p1]: a fit started here ends in the minimum
+  double first_p0_nm = 0.0, last_p0_nm = 0.0;  // between these (on the grid) every start does
+  double found_share = 0.0;
+};
+
+// `minimum`: parameters of the noise-free fit of this case, which has two parameters.
+ErrorMap map_error(const CaseMotion& motion, const FitResult& minimum);
+
+}  // namespace combforce::paper

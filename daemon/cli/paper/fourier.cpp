@@ -1,0 +1,61 @@
+#include "daemon/cli/paper/fourier.hpp"
+
+#include <fftw3.h>
+
+#include <memory>
+#include <mutex>
+
+namespace combforce::paper {
+namespace {
+
+struct DestroyPlan {
+  void operator()(fftw_plan plan) const {
+    const std::lock_guard lock(mutex());
+    fftw_destroy_plan(plan);
+  }
+  // FFTW's planner is not thread-safe, its execution is.
+  static std::mutex& mutex() {
+    static std::mutex one;
+    return one;
+  }
+};
+using Plan = std::unique_ptr<std::remove_pointer_t<fftw_plan>, DestroyPlan>;
+
+template <typename Make>
+Plan make_plan(const Make& make) {
+  const std::lock_guard lock(DestroyPlan::mutex());
+  return Plan(make());
+}
+
+fftw_complex* as_fftw(std::vector<std::complex<double>>& values) {
+  return reinterpret_cast<fftw_complex*>(values.data());
+}
+
+}  // namespace
+
+std::vector<std::complex<double>> spectrum(std::span<const double> signal) {
+  std::vector<double> in(signal.begin(), signal.end());
+  std::vector<std::complex<double>> out(in.size() / 2 + 1);
+  const Plan plan = make_plan([&] {
+    return fftw_plan_dft_r2c_1d(static_cast<int>(in.size()), in.data(), as_fftw(out), FFTW_ESTIMATE);
+  });
+  fftw_execute(plan.get());
+  const double scale = 2.0 / static_cast<double>(in.size());
+  for (std::complex<double>& phasor : out) phasor *= scale;
+  out.front() *= 0.5;
+  out.back() *= 0.5;
+  return out;
+}
+
+std::vector<double> signal(std::span<const std::complex<double>> spectrum) {
+  std::vector<std::complex<double>> in(spectrum.begin(), spectrum.end());
+  for (std::size_t k = 1; k + 1 < in.size(); ++k) in[k] *= 0.5;
+  std::vector<double> out(2 * (in.size() - 1));
+  const Plan plan = make_plan([&] {
+    return fftw_plan_dft_c2r_1d(static_cast<int>(out.size()), as_fftw(in), out.data(), FFTW_ESTIMATE);
+  });
+  fftw_execute(plan.get());
+  return out;
+}
+
+}  // namespace combforce::paper

@@ -1,0 +1,51 @@
+#include "daemon/cli/paper/results.hpp"
+
+#include "daemon/cli/paper/parallel.hpp"
+#include "daemon/cli/paper/remarks.hpp"
+
+namespace combforce::paper {
+namespace {
+
+std::size_t index(std::string_view key) {
+  return static_cast<std::size_t>(&find_case(key) - cases().data());
+}
+
+std::vector<std::string> all_remarks(const CaseMotion& motion, const TableRow& row) {
+  std::vector<std::string> remarks = noise_free_remarks(motion, row);
+  for (std::string& remark : scatter_remarks(row)) remarks.push_back(std::move(remark));
+  return remarks;
+}
+
+}  // namespace
+
+Results reproduce(const std::function<void(std::string_view)>& step) {
+  Results results;
+  const std::size_t count = cases().size();
+  results.motions.resize(count);
+  results.checks.resize(count);
+  results.remarks.resize(count);
+
+  step("simulating 5 cases");
+  parallel_for(count, [&] { return [&](std::size_t i) { results.motions[i] = simulate(cases()[i]); }; });
+  step("recovering forces from whole spectra");
+  parallel_for(
+      count, [&] { return [&](std::size_t i) { results.checks[i] = check_simulator(results.motions[i]); }; });
+  step("fitting, without noise and 100 draws a case");
+  for (const CaseMotion& motion : results.motions) results.rows.push_back(fit_case(motion));
+  step("seeking the cause of differences");
+  parallel_for(count, [&] {
+    return [&](std::size_t i) { results.remarks[i] = all_remarks(results.motions[i], results.rows[i]); };
+  });
+  step("mapping the error");
+  for (const std::size_t i : {index("hertz_2tone_equal_energy"), index("hertz_2tone_equal_amplitude")})
+    results.maps.push_back(map_error(results.motions[i], results.rows[i].noise_free));
+  for (const std::size_t i : {index("hertz_2tone_equal_energy"), index("dmt_4tone_equal_energy")})
+    results.curves.push_back(force_curves(results.motions[i], results.rows[i]));
+  return results;
+}
+
+const CaseMotion& motion_shown(const Results& results) {
+  return results.motions[index("dmt_4tone_equal_energy")];
+}
+
+}  // namespace combforce::paper
