@@ -214,8 +214,8 @@ class Recording {
 
 class Recorder::Impl {
  public:
-  Impl(const StreamInfo& info, BlockSink& sink, std::function<void(const Event&)> event)
-      : info_(info), sink_(sink), event_(std::move(event)) {}
+  Impl(StreamInfo info, BlockSink& sink, std::function<void(const Event&)> event)
+      : info_(std::move(info)), sink_(sink), event_(std::move(event)) {}
 
   void start(const std::string& name, const Description& description, const Json& truth) {
     if (running()) throw std::logic_error("a recording is running");

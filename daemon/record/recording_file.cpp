@@ -75,7 +75,7 @@ void RecordingFile::append(const void* data, std::size_t bytes) {
   hash_.update(data, bytes);
 }
 
-void RecordingFile::sync() {
+void RecordingFile::sync() const {
   if (::fdatasync(data_) != 0) fail(paths_.data, "sync");
 }
 

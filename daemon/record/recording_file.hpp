@@ -27,7 +27,7 @@ class RecordingFile {
   std::string sha512() const { return hash_.hex(); }  // of what was appended
 
   // The samples appended so far survive a loss of power.
-  void sync();
+  void sync() const;
 
   enum class Durability : std::uint8_t {
     process,  // survives the end of this process, however it ends

@@ -79,24 +79,18 @@ void RecordingIndex::abandon_block() {
 }
 
 void RecordingIndex::add_line(const LineMark& mark) {
-  const auto after =
-      std::upper_bound(lines_.begin(), lines_.end(), mark,
-                       [](const LineMark& a, const LineMark& b) { return a.first_sample < b.first_sample; });
+  const auto after = std::ranges::upper_bound(lines_, mark.first_sample, {}, &LineMark::first_sample);
   lines_.insert(after, mark);
 }
 
 void RecordingIndex::add_change(std::uint64_t first_sample, const Description& description) {
-  const auto after = std::upper_bound(
-      changes_.begin(), changes_.end(), first_sample,
-      [](std::uint64_t sample, const Change& change) { return sample < change.first_sample; });
+  const auto after = std::ranges::upper_bound(changes_, first_sample, {}, &Change::first_sample);
   changes_.insert(after, {first_sample, description});
 }
 
 // Of the first frame in the file that is `sample` or later in the stream.
 std::uint64_t RecordingIndex::file_position(std::uint64_t sample) const {
-  const auto next =
-      std::upper_bound(segments_.begin(), segments_.end(), sample,
-                       [](std::uint64_t s, const Segment& segment) { return s < segment.first_sample; });
+  const auto next = std::ranges::upper_bound(segments_, sample, {}, &Segment::first_sample);
   if (next == segments_.begin()) return 0;
   const Segment& segment = *std::prev(next);
   const std::uint64_t end = next == segments_.end() ? frames_ : next->file_first;
@@ -104,9 +98,7 @@ std::uint64_t RecordingIndex::file_position(std::uint64_t sample) const {
 }
 
 SigmfCapture RecordingIndex::capture_at(std::uint64_t file_frame) const {
-  const auto next = std::upper_bound(
-      segments_.begin(), segments_.end(), file_frame,
-      [](std::uint64_t frame, const Segment& segment) { return frame < segment.file_first; });
+  const auto next = std::ranges::upper_bound(segments_, file_frame, {}, &Segment::file_first);
   const Segment& segment = *std::prev(next);
   const std::uint64_t offset = file_frame - segment.file_first;
   const std::chrono::duration<double> seconds(static_cast<double>(offset) / head_.sample_rate_hz);
@@ -141,9 +133,7 @@ void RecordingIndex::encode_changes(SigmfMeta& meta) const {
       continue;
     }
     const std::uint64_t position = file_position(change.first_sample);
-    auto at = std::lower_bound(
-        meta.captures.begin(), meta.captures.end(), position,
-        [](const SigmfCapture& capture, std::uint64_t frame) { return capture.sample_start < frame; });
+    auto at = std::ranges::lower_bound(meta.captures, position, {}, &SigmfCapture::sample_start);
     if (at == meta.captures.end() || at->sample_start != position)
       at = meta.captures.insert(at, capture_at(position));
     if (dropped) at->changes.free_response.reset();
@@ -156,9 +146,7 @@ void RecordingIndex::encode_marks(SigmfMeta& meta) const {
   const std::uint64_t first = first_sample(), end = end_sample();
   for (const StreamMark& mark : marks_) {
     if (mark.sample >= end) continue;
-    auto next = std::upper_bound(
-        meta.captures.begin(), meta.captures.end(), mark.sample,
-        [](std::uint64_t sample, const SigmfCapture& capture) { return sample < capture.global_index; });
+    auto next = std::ranges::upper_bound(meta.captures, mark.sample, {}, &SigmfCapture::global_index);
     SigmfCapture& capture = next == meta.captures.begin() ? *next : *std::prev(next);
     (mark.kind == StreamMark::Kind::step ? capture.steps : capture.scan_ends).push_back(mark.sample);
   }

@@ -201,7 +201,7 @@ class ReplayDigitizer::Impl {
     status_.next_sample = header.first_sample + header.frames;
     status_.epoch = header.epoch;
     status_.lost_frames += header.lost_before;
-    const double streamed = static_cast<double>(status_.next_sample - plan_.runs.front().first_sample);
+    const auto streamed = static_cast<double>(status_.next_sample - plan_.runs.front().first_sample);
     const double seconds = std::chrono::duration<double>(Clock::now() - started_).count();
     if (seconds > 0.0) status_.realtime_factor = streamed / meta_.sample_rate_hz / seconds;
   }

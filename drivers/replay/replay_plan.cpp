@@ -36,21 +36,16 @@ std::vector<ReplayRun> plan_runs(const SigmfMeta& meta, std::uint64_t data_frame
 }
 
 std::vector<StreamMark> plan_marks(const SigmfMeta& meta, std::uint64_t end_sample) {
+  // Stable: at one sample steps come first, and a scan ends before the next line begins.
   std::vector<StreamMark> marks;
-  for (const SigmfCapture& capture : meta.captures) {
+  for (const SigmfCapture& capture : meta.captures)
     for (const std::uint64_t sample : capture.steps) marks.push_back({StreamMark::Kind::step, sample, {}});
+  for (const SigmfCapture& capture : meta.captures)
     for (const std::uint64_t sample : capture.scan_ends)
       marks.push_back({StreamMark::Kind::scan_ended, sample, {}});
-  }
   for (const SigmfLine& line : meta.lines)
     marks.push_back({StreamMark::Kind::line, line.mark.first_sample, line.mark});
-  // At one sample a scan ends before the next line begins, and a step precedes both.
-  const auto rank = [](StreamMark::Kind kind) {
-    return kind == StreamMark::Kind::step ? 0 : kind == StreamMark::Kind::scan_ended ? 1 : 2;
-  };
-  std::stable_sort(marks.begin(), marks.end(), [&](const StreamMark& a, const StreamMark& b) {
-    return a.sample != b.sample ? a.sample < b.sample : rank(a.kind) < rank(b.kind);
-  });
+  std::ranges::stable_sort(marks, {}, &StreamMark::sample);
   std::erase_if(marks, [&](const StreamMark& mark) { return mark.sample >= end_sample; });
   return marks;
 }
@@ -66,9 +61,8 @@ std::vector<std::string> find_disagreements(const SigmfMeta& meta, const std::ve
   std::vector<std::string> warnings;
   if (runs.empty())
     warnings.push_back(fmt::format("no samples to replay: the data holds {} frames", data_frames));
-  const auto captures =
-      std::count_if(meta.captures.begin(), meta.captures.end(),
-                    [&](const SigmfCapture& capture) { return capture.sample_start > data_frames; });
+  const auto captures = std::ranges::count_if(
+      meta.captures, [&](const SigmfCapture& capture) { return capture.sample_start > data_frames; });
   warn(warnings, static_cast<std::uint64_t>(captures), "a capture starts past the end of the data: ignored",
        "captures start past the end of the data: ignored");
   std::uint64_t absent = 0, cut = 0;

@@ -24,10 +24,10 @@ void swap_bytes(std::byte* samples, std::size_t bytes, std::size_t width) {
   for (std::size_t i = 0; i < bytes; i += width) std::reverse(samples + i, samples + i + width);
 }
 
-template <typename Code>
-void widen(const std::byte* raw, std::size_t samples, std::byte* out) {
+// Bytes to i16; `sign_bit` is 0x80 for signed ones, else 0.
+void widen(const std::byte* raw, std::size_t samples, int sign_bit, std::byte* out) {
   for (std::size_t i = 0; i < samples; ++i) {
-    const auto value = static_cast<std::int16_t>(static_cast<Code>(raw[i]));
+    const auto value = static_cast<std::int16_t>((std::to_integer<int>(raw[i]) ^ sign_bit) - sign_bit);
     std::memcpy(out + i * sizeof(value), &value, sizeof(value));
   }
 }
@@ -35,8 +35,10 @@ void widen(const std::byte* raw, std::size_t samples, std::byte* out) {
 }  // namespace
 
 SampleFile::SampleFile(const std::string& path, SigmfDatatype datatype, std::uint32_t channels, bool hash)
-    : path_(path), datatype_(datatype), channels_(channels) {
-  descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    : path_(path),
+      datatype_(datatype),
+      channels_(channels),
+      descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
   struct stat status {};
   if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0 || !S_ISREG(status.st_mode)) {
     const std::string why = descriptor_ < 0 ? std::strerror(errno) : "not a regular file";
@@ -91,9 +93,11 @@ std::size_t SampleFile::read_some(std::byte* out, std::size_t bytes) {
 void SampleFile::convert(const std::byte* raw, std::size_t samples, std::byte* out) const {
   switch (datatype_.kind) {
     case SigmfDatatype::Kind::i8:
-      return widen<std::int8_t>(raw, samples, out);
+      widen(raw, samples, 0x80, out);
+      break;
     case SigmfDatatype::Kind::u8:
-      return widen<std::uint8_t>(raw, samples, out);
+      widen(raw, samples, 0, out);
+      break;
     case SigmfDatatype::Kind::i16:
     case SigmfDatatype::Kind::f32:
       std::memcpy(out, raw, samples * datatype_.bytes());
