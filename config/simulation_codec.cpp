@@ -48,7 +48,7 @@ void only_parameters(const JsonView& view, const ModelInfo& model) {
   for (const auto& member : view.json().items()) {
     const auto parameters = material_parameters(model);
     const auto known = [&](const ParameterInfo& info) { return info.name == member.key(); };
-    if (std::none_of(parameters.begin(), parameters.end(), known))
+    if (std::ranges::none_of(parameters, known))
       view.get(member.key()).fail(fmt::format("is no material parameter of model \"{}\"", model.name));
   }
 }
@@ -196,8 +196,8 @@ void check(const JsonView& view, const SimulationSettings& simulation) {
   description.scan = simulation.layout;
   if (const auto fault = find_contradiction(description)) fail_at(view, fault->pointer, fault->message);
   const auto& tones = simulation.comb.tones;
-  const auto driven = static_cast<std::size_t>(
-      std::count_if(tones.begin(), tones.end(), [](const Tone& tone) { return tone.driven; }));
+  const auto driven =
+      static_cast<std::size_t>(std::ranges::count_if(tones, [](const Tone& tone) { return tone.driven; }));
   if (driven == 0) fail_at(view, "/comb/tones", "has no driven tone, must have at least one");
   if (simulation.feedback.enabled && !tones.front().driven)
     fail_at(view, "/comb/tones/0/driven", "is false, must be true: the feedback acts on the first tone");

@@ -105,7 +105,7 @@ std::vector<double> decode_covariance(const JsonView& view, std::size_t order) {
 ParameterBounds decode_bounds(const JsonView& bounds, const std::string& parameter, const ModelInfo& model) {
   const auto view = bounds.get(parameter);
   const auto known = [&](const ParameterInfo& info) { return info.name == parameter; };
-  if (std::none_of(model.parameters.begin(), model.parameters.end(), known)) {
+  if (std::ranges::none_of(model.parameters, known)) {
     std::string names;
     for (const auto& info : model.parameters)
       names += fmt::format("{}{}", names.empty() ? "" : ", ", info.name);

@@ -32,7 +32,7 @@ std::string member_pointer(const std::string& parent, std::string_view key) {
 std::string line_and_column(std::string_view text, std::size_t bytes_read) {
   const std::string_view before = text.substr(0, bytes_read > 0 ? bytes_read - 1 : 0);
   const auto line_start = before.rfind('\n');
-  return fmt::format("line {}, column {}", 1 + std::count(before.begin(), before.end(), '\n'),
+  return fmt::format("line {}, column {}", 1 + std::ranges::count(before, '\n'),
                      before.size() - (line_start == std::string_view::npos ? 0 : line_start + 1) + 1);
 }
 
@@ -217,7 +217,7 @@ JsonView JsonView::get(std::string_view key) const {
 void JsonView::only(std::initializer_list<std::string_view> keys) const {
   if (!value_->is_object()) fail(fmt::format("is {}, must be an object", shown(*value_)));
   for (const auto& [name, member] : value_->get_ref<const Json::object_t&>())
-    if (std::find(keys.begin(), keys.end(), name) == keys.end())
+    if (std::ranges::find(keys, name) == keys.end())
       throw InputError(
           *file_, member_pointer(pointer_, name),
           fmt::format("unknown key \"{}\"; expected one of {}", name, quoted({keys.begin(), keys.size()})));
@@ -274,7 +274,7 @@ std::complex<double> JsonView::complex() const {
 }
 
 std::size_t JsonView::one_of(std::span<const std::string_view> names) const {
-  const auto found = std::find(names.begin(), names.end(), string());
+  const auto found = std::ranges::find(names, string());
   if (found == names.end()) fail(fmt::format("is {}, must be one of {}", shown(*value_), quoted(names)));
   return static_cast<std::size_t>(found - names.begin());
 }

@@ -84,7 +84,7 @@ void append_tones(std::string& out, const PixelMessage& message) {
 }
 
 bool nothing_known(std::span<const double> values) {
-  return std::all_of(values.begin(), values.end(), [](double value) { return std::isnan(value); });
+  return std::ranges::all_of(values, [](double value) { return std::isnan(value); });
 }
 
 // {"parameter": value, …}, or null when nothing is known.

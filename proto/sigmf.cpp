@@ -31,8 +31,8 @@ void add_missing(Json& object, const Json& rest) {
 
 Json encode_extensions(const Json& rest) {
   Json extensions = rest.is_object() ? rest.value("core:extensions", Json::array()) : Json::array();
-  const bool listed = std::any_of(extensions.begin(), extensions.end(),
-                                  [](const Json& extension) { return extension.value("name", "") == "afm"; });
+  const bool listed = std::ranges::any_of(
+      extensions, [](const Json& extension) { return extension.value("name", "") == "afm"; });
   if (!listed) extensions.push_back(Json{{"name", "afm"}, {"version", afm_version_text}, {"optional", true}});
   return extensions;
 }
@@ -102,9 +102,7 @@ Description in_force_from(const SigmfCapture& capture, Description before) {
 }
 
 std::uint64_t stream_index(const std::vector<SigmfCapture>& captures, std::uint64_t file_frame) {
-  const auto next = std::upper_bound(
-      captures.begin(), captures.end(), file_frame,
-      [](std::uint64_t frame, const SigmfCapture& capture) { return frame < capture.sample_start; });
+  const auto next = std::ranges::upper_bound(captures, file_frame, {}, &SigmfCapture::sample_start);
   const SigmfCapture& capture = *std::prev(next);
   return capture.global_index + (file_frame - capture.sample_start);
 }
@@ -118,8 +116,8 @@ Json encode_sigmf(const SigmfMeta& meta) {
   }
   std::vector<Json> annotations(meta.other_annotations);
   for (const auto& line : meta.lines) annotations.push_back(encode_line(line));
-  std::stable_sort(annotations.begin(), annotations.end(), [](const Json& a, const Json& b) {
-    return a.at("core:sample_start").get<std::uint64_t>() < b.at("core:sample_start").get<std::uint64_t>();
+  std::ranges::stable_sort(annotations, {}, [](const Json& annotation) {
+    return annotation.at("core:sample_start").get<std::uint64_t>();
   });
   return Json{{"global", encode_global(meta)},
               {"captures", std::move(captures)},

@@ -26,7 +26,10 @@ struct SigmfDatatype {
   Kind kind = Kind::i16;
   bool big_endian = false;
 
-  std::size_t bytes() const { return kind == Kind::f32 ? 4 : kind == Kind::i16 ? 2 : 1; }
+  std::size_t bytes() const {
+    if (kind == Kind::f32) return 4;
+    return kind == Kind::i16 ? 2 : 1;
+  }
   bool operator==(const SigmfDatatype&) const = default;
 };
 

@@ -84,7 +84,7 @@ class Reader {
   }
 
   void warn(const std::string& pointer, const std::string& message) {
-    meta_.warnings.push_back(InputError(root_.file(), pointer, message).what());
+    meta_.warnings.emplace_back(InputError(root_.file(), pointer, message).what());
   }
 
   void warn_of_unknown(const JsonView& object, std::span<const std::string_view> known,
@@ -92,9 +92,7 @@ class Reader {
     if (unknown_ == UnknownKeys::allow) return;
     for (const auto& member : object.json().items()) {
       const std::string& key = member.key();
-      const auto among = [&](const auto& keys) {
-        return std::find(keys.begin(), keys.end(), key) != keys.end();
-      };
+      const auto among = [&](const auto& keys) { return std::ranges::find(keys, key) != keys.end(); };
       if (key.starts_with("afm:") && !among(known) && !among(also))
         warn(object.get(key).pointer(), "unknown key, kept as it is");
     }
@@ -132,7 +130,7 @@ class Reader {
     constexpr std::size_t digits = 128;
     std::string hash = view.string();
     const auto is_digit = [](unsigned char c) { return std::isxdigit(c) != 0; };
-    if (hash.size() != digits || !std::all_of(hash.begin(), hash.end(), is_digit))
+    if (hash.size() != digits || !std::ranges::all_of(hash, is_digit))
       view.fail("must have 128 hexadecimal digits");
     for (char& c : hash) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     return hash;
@@ -249,8 +247,7 @@ class Reader {
     const auto label = view.find("core:label");
     if (!label || label->string() != "line") return false;
     const auto& members = view.json().get_ref<const Json::object_t&>();
-    return std::any_of(members.begin(), members.end(),
-                       [](const auto& member) { return member.first.starts_with("afm:"); });
+    return std::ranges::any_of(members, [](const auto& member) { return member.first.starts_with("afm:"); });
   }
 
   SigmfLine read_line(const JsonView& view) {
@@ -279,9 +276,9 @@ class Reader {
   // core:sample_count, or as far as the capture and the line go.
   std::uint64_t read_count(const JsonView& view, const SigmfLine& line) const {
     if (const auto count = view.find("core:sample_count")) return count->integer();
-    const auto next =
-        std::find_if(meta_.captures.begin(), meta_.captures.end(),
-                     [&](const SigmfCapture& capture) { return capture.sample_start > line.sample_start; });
+    const auto next = std::ranges::find_if(meta_.captures, [&](const SigmfCapture& capture) {
+      return capture.sample_start > line.sample_start;
+    });
     if (line.mark.line_samples == 0 && next == meta_.captures.end())
       view.fail("core:sample_count and afm:line_samples are missing: the line has no end");
     const std::uint64_t to_line_end = line.mark.line_samples == 0 ? UINT64_MAX : line.mark.line_samples;

@@ -1,11 +1,11 @@
 #include "proto/gsf.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -19,8 +19,8 @@ using testing::HasSubstr;
 
 class GsfTest : public testing::Test {
  protected:
-  GsfTest() { std::filesystem::create_directory(directory); }
-  ~GsfTest() override { std::filesystem::remove_all(directory); }
+  void SetUp() override { std::filesystem::create_directory(directory); }
+  void TearDown() override { std::filesystem::remove_all(directory); }
 
   std::string bytes() const {
     std::ifstream stream(path, std::ios::binary);
@@ -78,7 +78,7 @@ TEST_F(GsfTest, ReadsWhatItWritesWhateverThePadding) {
     EXPECT_EQ(read.title, title);
     EXPECT_EQ(read.x_m, 0.0);
     EXPECT_EQ(read.value_unit, "");
-    EXPECT_EQ(std::memcmp(read.values.data(), map.values.data(), 24), 0);
+    EXPECT_THAT(read.values, testing::Pointwise(testing::NanSensitiveFloatEq(), map.values));
   }
 }
 
@@ -131,7 +131,7 @@ TEST_F(GsfTest, RefusesMalformedFiles) {
   EXPECT_EQ(refused(magic + "XRes = 1\n" + pad).what(), path + ": /YRes: is missing");
   for (const char* value : {"0", "-1", "1.5", "1048577", "99999999999", "x"})
     EXPECT_EQ(refused(magic + "XRes = " + value + "\nYRes = 1\n" + pad).what(),
-              path + ": /XRes: is \"" + value + "\", must be an integer in [1, 1048576]");
+              fmt::format("{}: /XRes: is \"{}\", must be an integer in [1, 1048576]", path, value));
   EXPECT_THAT(refused(magic + "XRes = 1048576\nYRes = 1048576\n" + pad).message(),
               HasSubstr("must have 4398046511"));
   const auto with = [&](const std::string& line) {
