@@ -4,7 +4,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
-#include <future>
 #include <memory>
 #include <stdexcept>
 
@@ -37,6 +36,7 @@ Configuration configure(const SimulateCommand& options) {
                      "\"replay\" cannot be simulated; expected \"simulated\"");
   SimulationSettings& simulation = configuration.digitizer.simulation;
   simulation.paced = false;
+  simulation.ends_with_scan = true;
   simulation.free_seconds = std::max(simulation.free_seconds, least_free_windows * window_s(simulation));
   const std::filesystem::path output = sigmf_paths(options.output).meta;
   configuration.record.directory = output.parent_path().empty() ? "." : output.parent_path().string();
@@ -47,16 +47,10 @@ Configuration configure(const SimulateCommand& options) {
 int run_simulate(const SimulateCommand& options) {
   const Configuration configuration = configure(options);
   const SimulationSettings& simulation = configuration.digitizer.simulation;
-  std::promise<std::string> over;
   Progress progress;
   PipelineOutputs outputs;
   outputs.line = [&](const LineDone& line) {
     if (progress.due()) progress.show(fmt::format("frame {} line {}", line.mark.frame, line.mark.line));
-  };
-  outputs.event = [&, told = false](const Event& event) mutable {
-    if (told || (event.kind != "scan_ended" && event.kind != "stream_ended")) return;
-    told = true;
-    over.set_value(event.kind);
   };
   std::string no_reference;
   Instrument instrument(configuration, outputs);
@@ -66,13 +60,11 @@ int run_simulate(const SimulateCommand& options) {
       [&](const std::optional<FreeResponse>&, const std::string& why) { no_reference = why; });
   instrument.start_scan(simulation.layout, simulation.frames);
   instrument.start();
-  const std::string end = over.get_future().get();
+  instrument.wait();
   const RecordingSummary summary = instrument.stop_recording();
   const StreamStatus stream = instrument.status().stream;
-  instrument.stop();
   progress.clear();
   if (!summary.complete) throw std::runtime_error(fmt::format("{}: {}", summary.meta_path, summary.failure));
-  if (end != "scan_ended") throw std::runtime_error("the simulation ended before the scan: " + stream.reason);
   if (!no_reference.empty()) fmt::print(stderr, "combforce: no free response: {}\n", no_reference);
   if (options.json)
     fmt::print("{}\n", Json{{"recording", summary.meta_path},

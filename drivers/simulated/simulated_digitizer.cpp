@@ -121,15 +121,19 @@ class SimulatedDigitizer::Impl {
  private:
   void run() {
     started_ = Clock::now();
-    while (!stopping()) {
+    bool scanned = false;
+    bool over = false;
+    while (!over && !stopping()) {
+      over = settings_.ends_with_scan && scanned && !source_.scanning();
       take_commands();
       begin_faults();
       produce_block();
+      scanned = scanned || source_.scanning();
     }
     {
       const std::scoped_lock lock(mutex_);
       status_.state = StreamState::ended;
-      status_.reason = "stopped";
+      status_.reason = over ? "the scan is over" : "stopped";
       status_.scanning = false;
     }
     sink_->close();

@@ -92,7 +92,8 @@ struct SimulationSettings {
   double free_seconds = 0.0;    // `simulate`: free motion recorded before the scan
   std::uint64_t seed = 1;       // noise
   IntegratorAccuracy accuracy = IntegratorAccuracy::live;
-  bool paced = true;  // at the sample rate; otherwise as fast as the sink takes blocks
+  bool paced = true;            // at the sample rate; otherwise as fast as the sink takes blocks
+  bool ends_with_scan = false;  // the stream ends with the block after its scan; set by `simulate`
   std::uint32_t block_frames = 16384;
   std::vector<FaultSettings> faults;  // ordered by sample
 
