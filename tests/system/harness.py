@@ -95,6 +95,7 @@ class Daemon:
     """combforced on a configuration, from start to SIGTERM."""
 
     def __init__(self, directory, configuration, **server):
+        self.clients = []
         self.directory = Path(directory)
         self.socket_path = self.directory / "combforce.sock"
         self.configuration_path = self.directory / "daemon.json"
@@ -113,7 +114,8 @@ class Daemon:
         return self.log_path.read_text(encoding="utf-8", errors="replace")
 
     def client(self):
-        return Client(self.socket_path)
+        self.clients.append(Client(self.socket_path))
+        return self.clients[-1]
 
     def command(self, *arguments):
         """Runs `combforce ARGUMENTS --connect` on this daemon."""
@@ -138,6 +140,8 @@ class SystemTest(unittest.TestCase):
 
     @staticmethod
     def reap(daemon):
+        for client in daemon.clients:
+            client.close()
         if daemon.process.poll() is None:
             daemon.process.kill()
             daemon.process.wait()
