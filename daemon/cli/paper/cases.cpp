@@ -83,13 +83,13 @@ const Case& find_case(std::string_view key) {
   return *found;
 }
 
-CaseMotion simulate(const Case& of) {
+CaseMotion simulate(const Case& of, std::uint64_t oversampling) {
   CaseMotion motion{&of, {}, {}};
   const std::vector<double> hz = frequencies(of);
   SteadyStateSettings settings;
-  settings.oscillator.sample_rate_hz = sample_rate_hz;
+  settings.oscillator.sample_rate_hz = sample_rate_hz * static_cast<double>(oversampling);
   settings.oscillator.cantilever = cantilever();
-  settings.oscillator.window_samples = window_samples;
+  settings.oscillator.window_samples = window_samples * oversampling;
   settings.oscillator.drive_bins = of.bins;
   settings.oscillator.drive_forces_nn =
       drive_forces({of.scheme, total_amplitude_nm, {}, {}}, cantilever(), hz);

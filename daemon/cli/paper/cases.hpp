@@ -48,7 +48,8 @@ struct CaseMotion {
   std::vector<std::complex<double>> free_nm;  // peak phasors, one a tone
   SteadyState engaged;
 };
-CaseMotion simulate(const Case& of);
+// `oversampling`: times the paper's sample rate.
+CaseMotion simulate(const Case& of, std::uint64_t oversampling = 1);
 
 // The fitter of a case: the paper's method, no noise model.
 FitConditions fit_conditions(const CaseMotion& motion);

@@ -16,7 +16,8 @@ bool differs(double ours, double printed);
 // an error of the paper's tones would be needed for the rest.
 std::vector<std::string> noise_free_remarks(const CaseMotion& motion, const TableRow& row);
 
-// Of the row with noise: differences in units of the sampling error of two sets of 100 draws.
-std::vector<std::string> scatter_remarks(const TableRow& row);
+// Of the row with noise: differences in units of the sampling error of two sets of 100 draws; where that is
+// not enough, what the paper's procedure, a local search on its grid, gives for the same draws.
+std::vector<std::string> scatter_remarks(const CaseMotion& motion, const TableRow& row);
 
 }  // namespace combforce::paper

@@ -12,7 +12,7 @@ std::size_t index(std::string_view key) {
 
 std::vector<std::string> all_remarks(const CaseMotion& motion, const TableRow& row) {
   std::vector<std::string> remarks = noise_free_remarks(motion, row);
-  for (std::string& remark : scatter_remarks(row)) remarks.push_back(std::move(remark));
+  for (std::string& remark : scatter_remarks(motion, row)) remarks.push_back(std::move(remark));
   return remarks;
 }
 
@@ -30,6 +30,7 @@ Results reproduce(const std::function<void(std::string_view)>& step) {
   step("recovering forces from whole spectra");
   parallel_for(
       count, [&] { return [&](std::size_t i) { results.checks[i] = check_simulator(results.motions[i]); }; });
+  results.check_at_double_rate = check_simulator(simulate(*motion_shown(results).of, 2));
   step("fitting, without noise and 100 draws a case");
   for (const CaseMotion& motion : results.motions) results.rows.push_back(fit_case(motion));
   step("seeking the cause of differences");

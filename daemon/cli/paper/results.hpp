@@ -18,6 +18,7 @@ struct Results {
   std::vector<TableRow> rows;                     // likewise
   std::vector<std::vector<std::string>> remarks;  // likewise
   std::vector<SimulatorCheck> checks;             // likewise
+  SimulatorCheck check_at_double_rate;            // of motion_shown()'s case, at 400 MHz
   std::vector<ErrorMap> maps;                     // Hertz, 2 tones: EE, EA
   std::vector<ForceCurves> curves;                // Hertz, 2 tones, EE; DMT, 4 tones, EE
 };

@@ -9,10 +9,16 @@
 namespace combforce::paper {
 namespace {
 
-Scatter scatter(const std::vector<FitResult>& fits, std::size_t parameter) {
+std::vector<double> valid_values(const std::vector<FitResult>& fits, std::size_t parameter) {
   std::vector<double> values;
   for (const FitResult& fit : fits)
     if (has_parameters(fit)) values.push_back(fit.parameters[parameter]);
+  return values;
+}
+
+}  // namespace
+
+Scatter scatter_of(std::span<const double> values) {
   const auto count = static_cast<double>(values.size());
   Scatter result;
   for (const double value : values) result.mean += value / count;
@@ -26,8 +32,6 @@ Scatter scatter(const std::vector<FitResult>& fits, std::size_t parameter) {
   result.kurtosis = fourth / (second * second);
   return result;
 }
-
-}  // namespace
 
 bool has_parameters(const FitResult& fit) {
   return fit.status == FitStatus::converged || fit.status == FitStatus::at_bound ||
@@ -46,7 +50,8 @@ TableRow fit_case(const CaseMotion& motion) {
     };
   });
   row.valid = static_cast<std::size_t>(std::ranges::count_if(row.noisy, has_parameters));
-  for (std::size_t k = 0; k < motion.of->truth.size(); ++k) row.scatter.push_back(scatter(row.noisy, k));
+  for (std::size_t k = 0; k < motion.of->truth.size(); ++k)
+    row.scatter.push_back(scatter_of(valid_values(row.noisy, k)));
   return row;
 }
 

@@ -7,7 +7,7 @@
 
 namespace combforce::paper {
 
-// Statistics of one parameter over the draws with a valid fit.
+// Statistics of one parameter over draws of the noise.
 struct Scatter {
   double mean = 0.0;
   double spread = 0.0;    // standard deviation, n - 1
@@ -21,6 +21,8 @@ struct TableRow {
   std::vector<Scatter> scatter;  // one a parameter
   std::size_t valid = 0;         // draws whose parameters entered the scatter
 };
+
+Scatter scatter_of(std::span<const double> values);
 
 bool has_parameters(const FitResult& fit);  // converged, at a bound, or weakly determined
 
