@@ -38,7 +38,8 @@ void start_logging(const std::string& level) {
 }
 
 void log_event(const Event& event) {
-  spdlog::info("{} at sample {}: {}", event.kind, event.first_sample, event.text);
+  spdlog::info("{} at sample {}{}{}", event.kind, event.first_sample, event.text.empty() ? "" : ": ",
+               event.text);
 }
 
 PipelineOutputs outputs_to(Server& server) {

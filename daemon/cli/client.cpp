@@ -13,6 +13,8 @@
 #include <cstring>
 #include <utility>
 
+#include "daemon/cli/interrupt_flag.hpp"
+
 namespace combforce {
 
 namespace {
@@ -151,7 +153,7 @@ Json Client::take_answer(std::uint64_t id, const std::string& method) {
       }
       if (message["id"] == id) return message.value("result", Json());
     }
-    receive(std::chrono::milliseconds(-1));
+    if (!receive(std::chrono::milliseconds(-1)) && InterruptFlag::raised()) fail(where_, "interrupted");
   }
 }
 

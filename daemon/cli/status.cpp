@@ -35,8 +35,8 @@ std::string recording(const Json& status) {
 }
 
 void print(const Json& info, const Json& status) {
-  fmt::print("{} {}, protocol {}: {} at {} samples/s\n", text(info, "name"), text(info, "version"),
-             count(info, "protocol"), text(info["digitizer"], "name"), info["sample_rate_hz"].dump());
+  fmt::print("{} {}, protocol {}: {} at {:.10g} samples/s\n", text(info, "name"), text(info, "version"),
+             count(info, "protocol"), text(info["digitizer"], "name"), info.value("sample_rate_hz", 0.0));
   fmt::print("state      {}{}{}\n", text(status, "state"), status["scanning"] == true ? ", scanning" : "",
              text(status, "reason").empty() ? "" : ": " + text(status, "reason"));
   fmt::print("sample     {} of epoch {}, {} within {} s\n", count(status, "sample"), count(status, "epoch"),

@@ -54,7 +54,6 @@ class Watch {
 
   // Until what was asked for is there, or no more will come. Throws when that is too little.
   void follow() {
-    const InterruptFlag interrupt;
     subscribe();
     while (!enough() && !ended_ && !InterruptFlag::raised()) {
       const auto line = client_.next(std::chrono::milliseconds(200));
@@ -170,6 +169,7 @@ class Watch {
   }
 
   const WatchOptions& options_;
+  InterruptFlag interrupt_;  // also while maps are written
   Client client_;
   MapWriter maps_;
   std::optional<LineOutput> output_;
