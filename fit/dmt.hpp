@@ -21,9 +21,18 @@ namespace combforce {
 struct Dmt {
   static constexpr std::size_t parameters = 4;
   static constexpr std::array<std::size_t, 2> linear{1, 2};
-  static constexpr bool has_tail = true;
-  static constexpr std::array<std::array<double, parameters>, 4> shapes{
-      {{0.0, 1.0, 1.0, 0.12}, {0.0, 1.0, 1.0, 0.25}, {0.0, 1.0, 1.0, 0.5}, {0.0, 1.0, 1.0, 1.0}}};
+  static constexpr std::array<std::array<double, parameters>, 12> shapes{{{0.0, 1.0, 1.0, 0.08},
+                                                                          {0.0, 1.0, 1.0, 0.107},
+                                                                          {0.0, 1.0, 1.0, 0.144},
+                                                                          {0.0, 1.0, 1.0, 0.192},
+                                                                          {0.0, 1.0, 1.0, 0.258},
+                                                                          {0.0, 1.0, 1.0, 0.346},
+                                                                          {0.0, 1.0, 1.0, 0.463},
+                                                                          {0.0, 1.0, 1.0, 0.62},
+                                                                          {0.0, 1.0, 1.0, 0.831},
+                                                                          {0.0, 1.0, 1.0, 1.11},
+                                                                          {0.0, 1.0, 1.0, 1.49},
+                                                                          {0.0, 1.0, 1.0, 2}}};
   static constexpr std::array<ParameterInfo, parameters> info{
       {{"surface_position_nm", -1e5, 1e5, 1.0},
        {"contact_strength_gpa_sqrt_nm", 1e-6, 1e5, 1.0},
@@ -44,27 +53,19 @@ struct Dmt {
     return -p[2] * ratio * ratio;
   }
 
-  // Returns F; gradient[k] = dF/dp_k.
-  static double derivatives(const double* p, double d, double* gradient) {
-    if (d < p[0]) {
-      const double depth = p[0] - d;
-      const double root = std::sqrt(depth);
-      gradient[0] = 1.5 * p[1] * root;
-      gradient[1] = depth * root;
-      gradient[2] = -1.0;
-      gradient[3] = 0.0;
-      return p[1] * gradient[1] - p[2];
-    }
-    const double inverse = 1.0 / (d - p[0] + p[3]);
-    const double ratio = p[3] * inverse;
-    const double slope = -2.0 * p[2] * ratio * inverse;
-    gradient[0] = slope * ratio;
-    gradient[1] = 0.0;
-    gradient[2] = -ratio * ratio;
-    gradient[3] = slope * (1.0 - ratio);
-    return p[2] * gradient[2];
+  static constexpr std::array<ModelTerm, 3> contact_terms{{{1, value_of_term}, {1, 0}, {2, value_of_term}}};
+  static std::array<double, 3> contact(const double*, double depth) {
+    const double root = std::sqrt(depth);
+    return {depth * root, 1.5 * root, -1.0};
   }
 
+  static constexpr std::array<ModelTerm, 3> tail_terms{{{2, value_of_term}, {2, 0}, {2, 3}}};
+  static std::array<double, 3> tail(const double* p, double height) {
+    const double inverse = 1.0 / (height + p[3]);
+    const double ratio = p[3] * inverse;
+    const double slope = -2.0 * ratio * inverse;
+    return {-ratio * ratio, slope * ratio, slope * (1.0 - ratio)};
+  }
   static double tail_length(const double* p) { return p[3]; }
 };
 

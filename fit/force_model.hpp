@@ -2,6 +2,7 @@
 // on the scalar, plus one entry in model_list.hpp.
 #pragma once
 
+#include <cstddef>
 #include <limits>
 #include <span>
 #include <string_view>
@@ -20,6 +21,14 @@ struct ModelInfo {
   std::string_view source;   // equation in the paper, or reference
   std::span<const ParameterInfo> parameters;
 };
+
+// One function of d that a fit integrates: a term phi_k of F = sum p_k phi_k, or its derivative with respect
+// to a nonlinear parameter.
+struct ModelTerm {
+  std::size_t linear;      // k
+  std::size_t derivative;  // index of that parameter, or value_of_term
+};
+inline constexpr std::size_t value_of_term = std::numeric_limits<std::size_t>::max();
 
 // All models, in a fixed order.
 std::span<const ModelInfo> force_models();

@@ -12,116 +12,14 @@
 #include <span>
 #include <vector>
 
-#include "fit/bounded.hpp"
 #include "fit/fit_result.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/measured_force.hpp"
+#include "fit/residuals.hpp"
 #include "fit/start_values.hpp"
 #include "fit/uncertainty.hpp"
 
 namespace combforce {
-
-// sqrt(weight) (F_model - F_measured) as TinySolver wants it: a function of the unbounded x. Scaled so that
-// the measured forces have the norm 1.
-template <typename Model>
-class Residuals {
- public:
-  using Scalar = double;
-  enum { NUM_RESIDUALS = Eigen::Dynamic, NUM_PARAMETERS = Model::parameters };
-  using Parameters = std::array<double, Model::parameters>;
-
-  Residuals(ForceBalance& balance, std::size_t tones)
-      : balance_(&balance),
-        derivatives_(static_cast<Eigen::Index>(tones), Model::parameters),
-        forces_(tones),
-        scales_(tones) {}
-
-  void set_measured(std::span<const std::complex<double>> forces, std::span<const double> weights) {
-    double square = 0.0;
-    for (std::size_t i = 0; i < forces_.size(); ++i) square += weights[i] * std::norm(forces[i]);
-    for (std::size_t i = 0; i < forces_.size(); ++i) {
-      forces_[i] = forces[i];
-      scales_[i] = std::sqrt(weights[i] / square);
-    }
-  }
-  void set_bounds(std::size_t k, Bounded bounds) { bounds_[k] = bounds; }
-  const Bounded& bounds(std::size_t k) const { return bounds_[k]; }
-  // The balance has been prepared anew.
-  void invalidate() { valid_ = false; }
-
-  Parameters parameters(const double* x) const {
-    Parameters p;
-    for (std::size_t k = 0; k < p.size(); ++k) p[k] = bounds_[k].value(x[k]);
-    return p;
-  }
-
-  int NumResiduals() const { return static_cast<int>(2 * forces_.size()); }
-
-  bool operator()(const double* x, double* residuals, double* jacobian) const {
-    const Parameters p = parameters(x);
-    if (!(p[0] <= balance_->ceiling_nm())) {  // beyond what is prepared: never a step to accept
-      std::fill_n(residuals, 2 * forces_.size(), 1e3);
-      if (jacobian != nullptr) std::fill_n(jacobian, 2 * forces_.size() * Model::parameters, 0.0);
-      return true;
-    }
-    update(p);
-    for (std::size_t i = 0; i < forces_.size(); ++i) {
-      const std::complex<double> residual = scales_[i] * (model_phasor(p, i) - forces_[i]);
-      residuals[2 * i] = residual.real();
-      residuals[2 * i + 1] = residual.imag();
-      if (jacobian == nullptr) continue;
-      for (std::size_t k = 0; k < Model::parameters; ++k) {
-        const std::complex<double> slope =
-            scales_[i] * bounds_[k].slope(x[k], p[k]) * derivatives_(index(i), index(k));
-        jacobian[2 * (k * forces_.size() + i)] = slope.real();
-        jacobian[2 * (k * forces_.size() + i) + 1] = slope.imag();
-      }
-    }
-    return true;
-  }
-
-  // At p: dF/dp and F_model - F_measured in nN, rows (re, im) of each tone.
-  void linearize(const Parameters& p, Eigen::MatrixXd& jacobian, Eigen::VectorXd& residuals) const {
-    update(p);
-    for (std::size_t i = 0; i < forces_.size(); ++i) {
-      const std::complex<double> residual = model_phasor(p, i) - forces_[i];
-      residuals(index(2 * i)) = residual.real();
-      residuals(index(2 * i + 1)) = residual.imag();
-      for (std::size_t k = 0; k < Model::parameters; ++k) {
-        jacobian(index(2 * i), index(k)) = derivatives_(index(i), index(k)).real();
-        jacobian(index(2 * i + 1), index(k)) = derivatives_(index(i), index(k)).imag();
-      }
-    }
-  }
-
- private:
-  static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
-
-  void update(const Parameters& p) const {
-    if (valid_ && p == last_) return;
-    balance_->evaluate<Model>(p.data(), derivatives_);
-    last_ = p;
-    valid_ = true;
-  }
-
-  std::complex<double> model_phasor(const Parameters& p, std::size_t tone) const {
-    std::complex<double> sum = 0.0;
-    for (const std::size_t k : Model::linear) sum += p[k] * derivatives_(index(tone), index(k));
-    return sum;
-  }
-
-  ForceBalance* balance_;
-  mutable Eigen::MatrixXcd derivatives_;  // at last_, when valid_
-  mutable Parameters last_{};
-  mutable bool valid_ = false;
-  std::vector<std::complex<double>> forces_;
-  std::vector<double> scales_;
-  std::array<Bounded, Model::parameters> bounds_;
-};
-
-struct Bounds {
-  double lower, upper;
-};
 
 // Thread-bound. Only the constructor allocates.
 template <typename Model>
@@ -131,18 +29,20 @@ class ModelFitter {
 
   ModelFitter(ForceBalance& balance, std::size_t tones, std::span<const Bounds> bounds)
       : balance_(&balance),
-        starts_(tones),
+        starts_(balance.motion()),
         residuals_(balance, tones),
         jacobian_(static_cast<Eigen::Index>(2 * tones), Model::parameters),
         differences_(static_cast<Eigen::Index>(2 * tones)),
         finer_(static_cast<Eigen::Index>(2 * tones)),
-        bounds_(bounds.begin(), bounds.end()) {}
+        bounds_(bounds.begin(), bounds.end()),
+        in_force_(bounds_) {}
 
   // The balance holds the motion. Fills everything of `result` but virial and power. `start`: empty to scan.
   void fit(const MeasuredForce& measured, std::span<const double> weights, std::span<const double> start,
            FitResult& result) {
     residuals_.set_measured(measured.phasors(), weights);
     bound_to_motion();
+    balance_->reset();
     iterations_ = 0;
     Parameters p;
     if (start.empty())
@@ -159,12 +59,12 @@ class ModelFitter {
   double error(const MeasuredForce& measured, std::span<const double> weights,
                std::span<const double> parameters) {
     residuals_.set_measured(measured.phasors(), weights);
+    balance_->reset();
     Parameters p;
     std::copy_n(parameters.begin(), p.size(), p.begin());
     double coarse = std::numeric_limits<double>::quiet_NaN();
-    for (std::size_t level = 1; level < ForceBalance::levels; ++level) {
-      balance_->prepare(p[0], level, Model::has_tail);
-      residuals_.invalidate();
+    for (std::size_t level = 0; level < ForceBalance::levels; ++level) {
+      balance_->prepare(p[0], level, has_tail);
       residuals_.linearize(p, jacobian_, finer_);
       double sum = 0.0;
       for (Eigen::Index row = 0; row < finer_.size(); ++row)
@@ -177,6 +77,7 @@ class ModelFitter {
 
  private:
   using Solver = ceres::TinySolver<Residuals<Model>>;
+  static constexpr bool has_tail = !Model::tail_terms.empty();
 
   // Aims of the quadrature: surface position, nm; other parameters, of their value. Ten times that is
   // accepted at the finest level, and whatever is below a hundredth of the standard error.
@@ -188,22 +89,21 @@ class ModelFitter {
   void bound_to_motion() {
     const double lowest = balance_->motion().lowest_nm(), highest = balance_->motion().highest_nm();
     const double span = highest - lowest;
-    Bounds surface{std::max(bounds_[0].lower, lowest - span), std::min(bounds_[0].upper, highest + span)};
-    if (!(surface.lower < surface.upper)) surface = bounds_[0];
-    residuals_.set_bounds(0, Bounded(surface.lower, surface.upper));
-    for (std::size_t k = 1; k < Model::parameters; ++k)
-      residuals_.set_bounds(k, Bounded(bounds_[k].lower, bounds_[k].upper));
+    in_force_ = bounds_;
+    in_force_[0] = {std::max(bounds_[0].lower, lowest - span), std::min(bounds_[0].upper, highest + span)};
+    if (!(in_force_[0].lower < in_force_[0].upper)) in_force_[0] = bounds_[0];
+    residuals_.set_bounds(in_force_);
   }
 
   Parameters best_of_starts(const MeasuredForce& measured, std::span<const double> weights) {
     std::array<Parameters, StartValues::most> starts;
     starts_.set_motion(balance_->motion());
-    const std::size_t count = starts_.template scan<Model>(measured.phasors(), weights, starts);
+    const std::size_t count = starts_.template scan<Model>(measured.phasors(), weights, in_force_, starts);
     Parameters best = starts[0];
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < count; ++i) {
       Parameters p = starts[i];
-      solve(p, 0, 30, 1e-5);
+      solve(p, 0, 30, 1e-4);
       if (!(solver_.summary.final_cost < least)) continue;
       least = solver_.summary.final_cost;
       best = p;
@@ -211,25 +111,24 @@ class ModelFitter {
     return best;
   }
 
-  // Solves on quadrature `level` from p, which becomes the minimum found; prepares the balance again as p0
-  // moves.
+  // Solves on quadrature `level` from p, which becomes the minimum found, until a step changes x, or E, by
+  // less than `tolerance` of itself (cuts that come and go make E jump by 1e-10 or so). Prepares the balance
+  // again when p0 comes close to its ceiling.
   bool solve(Parameters& p, std::size_t level, int most_iterations, double tolerance) {
     solver_.options.max_num_iterations = most_iterations;
     solver_.options.parameter_tolerance = tolerance;
     solver_.options.gradient_tolerance = 0.0;
-    solver_.options.function_tolerance = 0.0;
     solver_.options.cost_threshold = 0.0;
+    solver_.options.initial_trust_region_radius = 1e6;
     for (int attempt = 0; attempt < 10; ++attempt) {
-      for (std::size_t k = 0; k < p.size(); ++k)
-        x_(static_cast<Eigen::Index>(k)) = residuals_.bounds(k).inverse(p[k]);
-      p = residuals_.parameters(x_.data());
-      const double about = p[0];
-      balance_->prepare(about, level, Model::has_tail);
+      x_ = residuals_.coordinates(p);
+      balance_->prepare(residuals_.surface(x_), level, has_tail);
       residuals_.invalidate();
+      solver_.options.function_tolerance = tolerance * residuals_.squared_norm(x_);
       solver_.Solve(residuals_, &x_);
       iterations_ += static_cast<std::uint32_t>(solver_.summary.iterations);
-      p = residuals_.parameters(x_.data());
-      if (std::abs(p[0] - about) > 0.5 * balance_->margin_nm()) continue;
+      p = residuals_.parameters(x_);
+      if (p[0] > balance_->ceiling_nm() - 0.5 * balance_->margin_nm()) continue;
       return solver_.summary.status != Solver::HIT_MAX_ITERATIONS &&
              std::isfinite(solver_.summary.final_cost);
     }
@@ -241,18 +140,17 @@ class ModelFitter {
               FitResult& result) {
     bool solved = false, good = false;
     Linearization at{jacobian_, weights, {}};
-    for (std::size_t level = 1; !good && level + 1 < ForceBalance::levels; ++level) {
-      solved = solve(p, level, 100, 1e-10);
+    for (std::size_t level = 0; !good && level + 1 < ForceBalance::levels; ++level) {
+      solved = solve(p, level, 100, 1e-9);
+      std::ranges::copy(residuals_.held(x_), at.fixed.begin());
       residuals_.linearize(p, jacobian_, differences_);
-      balance_->prepare(p[0], level + 1, Model::has_tail);
-      residuals_.invalidate();
+      balance_->prepare(p[0], level + 1, has_tail);
       residuals_.linearize(p, jacobian_, finer_);
-      for (std::size_t k = 0; k < p.size(); ++k)
-        at.fixed[k] = residuals_.bounds(k).at_bound(x_(static_cast<Eigen::Index>(k)));
       differences_ = finer_ - differences_;
       result.quadrature_errors = minimum_shift(at, differences_);
       good = solved && within(p, result, 1.0);
     }
+    if (good) step(at, p);
     std::copy(p.begin(), p.end(), result.parameters.begin());
     const bool determined =
         estimate_uncertainty(at, finer_, measured.variances(), measured.noise_known(), result);
@@ -265,6 +163,15 @@ class ModelFitter {
       result.status = FitStatus::ill_conditioned;
     else
       result.status = FitStatus::converged;
+  }
+
+  // What remains of the way to the minimum of the finest quadrature evaluated: one Gauss-Newton step.
+  void step(const Linearization& at, Parameters& p) {
+    const auto step = minimum_shift(at, finer_);
+    for (std::size_t k = 0; k < p.size(); ++k) {
+      const double next = p[k] + step[k];
+      if (next > in_force_[k].lower && next < in_force_[k].upper) p[k] = next;
+    }
   }
 
   static bool within(const Parameters& p, const FitResult& result, double factor) {
@@ -290,7 +197,7 @@ class ModelFitter {
   typename Solver::Parameters x_;
   Eigen::MatrixXd jacobian_;
   Eigen::VectorXd differences_, finer_;
-  std::vector<Bounds> bounds_;
+  std::vector<Bounds> bounds_, in_force_;  // as set, and for this motion
   std::uint32_t iterations_ = 0;
 };
 

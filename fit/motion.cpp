@@ -87,17 +87,20 @@ void Motion::set(std::span<const std::complex<double>> tones) {
   }
 }
 
-void Motion::add_moments(std::size_t cell, const Moments& moments, std::complex<double>* phasors) const {
+void Motion::add_moments(std::size_t cell, std::span<const Moments> moments,
+                         std::complex<double>* phasors) const {
   for (std::size_t i = 0; i < harmonics_.size(); ++i) {
     const Polynomial& e = expansion_[i];
-    double real = 0.0, imaginary = 0.0;
-    for (std::size_t k = 0; k < order; k += 2) {
-      real += e[k] * moments[k];
-      imaginary -= e[k + 1] * moments[k + 1];
+    const std::complex<double> phase = cell_weight() * centre_phase(cell, i);
+    for (std::size_t j = 0; j < moments.size(); ++j) {
+      double real = 0.0, imaginary = 0.0;
+      for (std::size_t k = 0; k < order; k += 2) {
+        real += e[k] * moments[j][k];
+        imaginary -= e[k + 1] * moments[j][k + 1];
+      }
+      phasors[j * harmonics_.size() + i] += std::complex<double>(
+          real * phase.real() + imaginary * phase.imag(), imaginary * phase.real() - real * phase.imag());
     }
-    const std::complex<double> phase = centre_phase(cell, i);
-    phasors[i] += cell_weight() * std::complex<double>(real * phase.real() + imaginary * phase.imag(),
-                                                       imaginary * phase.real() - real * phase.imag());
   }
 }
 

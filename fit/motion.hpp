@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace combforce {
@@ -44,8 +45,9 @@ class Motion {
   std::complex<double> centre_phase(std::size_t cell, std::size_t tone) const;
   std::complex<double> local_phase(std::size_t tone, double s) const;
 
-  // Adds the share of one cell to the phasors (2/T) integral F(t) exp(-i w t) dt, one a tone.
-  void add_moments(std::size_t cell, const Moments& moments, std::complex<double>* phasors) const;
+  // Adds the share of one cell to the phasors (2/T) integral F(t) exp(-i w t) dt of several functions F:
+  // column j of `phasors` (one row a tone) is of moments[j].
+  void add_moments(std::size_t cell, std::span<const Moments> moments, std::complex<double>* phasors) const;
   // What an integrand's weight ds in a cell contributes per unit to those phasors, but for the phase.
   double cell_weight() const { return 1.0 / static_cast<double>(polynomials_.size()); }
 

@@ -5,12 +5,14 @@
 
 namespace combforce {
 
-StartValues::StartValues(std::size_t tones)
+StartValues::StartValues(const Motion& motion)
     : d_(bins),
-      histogram_(static_cast<Eigen::Index>(2 * tones), bins),
-      basis_(static_cast<Eigen::Index>(2 * tones), 8),
-      phases_(tones),
-      node_(tones) {}
+      histogram_(static_cast<Eigen::Index>(2 * motion.tones()), bins),
+      basis_(static_cast<Eigen::Index>(2 * motion.tones()), max_parameters),
+      centre_(motion.tones()),
+      fine_(equidistant(motion, 24)),
+      medium_(equidistant(motion, 8)),
+      coarse_(equidistant(motion, 2)) {}
 
 // Depths grow geometrically from 0.1 % of the motion's span to half of it.
 double StartValues::depth(std::size_t index) const {
@@ -23,28 +25,45 @@ void StartValues::set_motion(const Motion& motion) {
   lowest_ = motion.lowest_nm();
   span_ = motion.highest_nm() - lowest_;
   for (std::size_t bin = 0; bin < bins; ++bin)
-    d_[bin] = lowest_ + span_ * std::pow(static_cast<double>(bin) / last, 2.0);
+    d_[bin] = lowest_ + span_ * std::pow(static_cast<double>(bin) / last, 3.0);
   histogram_.setZero();
-  const auto tones = static_cast<std::size_t>(histogram_.rows()) / 2;
   for (std::size_t cell = 0; cell < motion.cells(); ++cell) {
     const Motion::Polynomial& c = motion.polynomial(cell);
-    const bool close = c[0] - spread(c) < lowest_ + 0.2 * span_;
-    const int samples = close ? 8 : 2;
-    const double weight = motion.cell_weight() * 2.0 / samples;
-    for (int sample = 0; sample < samples; ++sample) {
-      const double s = -1.0 + (2.0 * sample + 1.0) / samples;
-      const double d = value_at(c, s);
-      const double place = last * std::sqrt(std::clamp((d - lowest_) / span_, 0.0, 1.0));
-      const auto bin = std::min(static_cast<std::size_t>(place), bins - 2);
-      const double share = std::clamp((d - d_[bin]) / (d_[bin + 1] - d_[bin]), 0.0, 1.0);
-      for (std::size_t i = 0; i < tones; ++i) {
-        const std::complex<double> phase = motion.centre_phase(cell, i) * motion.local_phase(i, s);
-        const auto row = static_cast<Eigen::Index>(2 * i), column = static_cast<Eigen::Index>(bin);
-        histogram_(row, column) += (1.0 - share) * weight * phase.real();
-        histogram_(row + 1, column) -= (1.0 - share) * weight * phase.imag();
-        histogram_(row, column + 1) += share * weight * phase.real();
-        histogram_(row + 1, column + 1) -= share * weight * phase.imag();
-      }
+    for (std::size_t i = 0; i < centre_.size(); ++i)
+      centre_[i] = motion.cell_weight() * motion.centre_phase(cell, i);
+    const double height = (c[0] - spread(c) - lowest_) / span_;
+    add_samples(c, height < 0.08 ? fine_ : height < 0.25 ? medium_ : coarse_);
+  }
+}
+
+StartValues::Samples StartValues::equidistant(const Motion& motion, std::size_t count) {
+  Samples samples;
+  for (std::size_t j = 0; j < count; ++j) {
+    samples.places.push_back(-1.0 + (2.0 * static_cast<double>(j) + 1.0) / static_cast<double>(count));
+    for (std::size_t i = 0; i < motion.tones(); ++i)
+      samples.phases.push_back(2.0 / static_cast<double>(count) *
+                               motion.local_phase(i, samples.places.back()));
+  }
+  return samples;
+}
+
+void StartValues::add_samples(const Motion::Polynomial& c, const Samples& samples) {
+  const std::complex<double>* local = samples.phases.data();
+  for (const double s : samples.places) {
+    const double d = value_at(c, s);
+    const double place =
+        static_cast<double>(bins - 1) * std::cbrt(std::clamp((d - lowest_) / span_, 0.0, 1.0));
+    const auto bin = std::min(static_cast<std::size_t>(place), bins - 2);
+    const double share = std::clamp((d - d_[bin]) / (d_[bin + 1] - d_[bin]), 0.0, 1.0);
+    double* lower = histogram_.col(static_cast<Eigen::Index>(bin)).data();
+    double* upper = histogram_.col(static_cast<Eigen::Index>(bin + 1)).data();
+    for (std::size_t i = 0; i < centre_.size(); ++i, ++local) {
+      const double re = local->real() * centre_[i].real() - local->imag() * centre_[i].imag();
+      const double im = local->real() * centre_[i].imag() + local->imag() * centre_[i].real();
+      lower[2 * i] += (1.0 - share) * re;
+      lower[2 * i + 1] -= (1.0 - share) * im;
+      upper[2 * i] += share * re;
+      upper[2 * i + 1] -= share * im;
     }
   }
 }

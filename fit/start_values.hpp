@@ -9,7 +9,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <complex>
@@ -18,6 +17,9 @@
 #include <span>
 #include <vector>
 
+#include "fit/box_least_squares.hpp"
+#include "fit/fit_result.hpp"
+#include "fit/force_model.hpp"
 #include "fit/motion.hpp"
 
 namespace combforce {
@@ -25,119 +27,172 @@ namespace combforce {
 // Thread-bound. Only the constructor allocates.
 class StartValues {
  public:
-  static constexpr std::size_t depths = 20;
-  static constexpr std::size_t most = 3;  // starts
+  static constexpr std::size_t depths = 97, stride = 4;
+  static constexpr std::size_t most = 5;  // starts
 
-  explicit StartValues(std::size_t tones);
+  explicit StartValues(const Motion& motion);  // for motions with its bins
 
-  // The histogram of a motion.
+  // Builds the histogram of a motion.
   void set_motion(const Motion& motion);
 
   // Writes up to `most` starts, best first, each with every parameter of the model; returns how many.
   // `forces`: measured phasors, one a tone; `weights`: of their squares in the error to be minimised.
   template <typename Model>
   std::size_t scan(std::span<const std::complex<double>> forces, std::span<const double> weights,
+                   std::span<const Bounds> bounds,
                    std::span<std::array<double, Model::parameters>, most> starts);
 
  private:
   static constexpr std::size_t bins = 640;
+  static constexpr double worth_a_look = 1e3;
+  static constexpr double doubt = 1e-5;  // (3 %)^2: error of the histogram's phasors, squared, of the forces'
 
   template <typename Model>
   struct Candidate {
     std::array<double, Model::parameters> p;
     double error = std::numeric_limits<double>::infinity();
+    std::size_t shape = 0;  // nearest of the model's
   };
+
+  // Places in a cell, and exp(i theta s) of every tone there times the sample's share of the cell.
+  struct Samples {
+    std::vector<double> places;
+    std::vector<std::complex<double>> phases;
+  };
+  static Samples equidistant(const Motion& motion, std::size_t count);
+  void add_samples(const Motion::Polynomial& c, const Samples& samples);
 
   double depth(std::size_t index) const;
   template <typename Model>
   Candidate<Model> candidate(const std::array<double, Model::parameters>& shape, double p0,
-                             std::span<const std::complex<double>> forces, std::span<const double> weights);
+                             std::span<const std::complex<double>> forces, std::span<const double> weights,
+                             std::span<const Bounds> bounds);
+  template <typename Model>
+  Candidate<Model> best_shape(double p0, std::size_t first, std::size_t last,
+                              std::span<const std::complex<double>> forces, std::span<const double> weights,
+                              std::span<const Bounds> bounds);
+  template <typename Model>
+  void add_bin(const double* p, std::size_t bin);
 
   double lowest_ = 0.0, span_ = 0.0;
   std::vector<double> d_;      // of the bins: spaced as their index squared, closest at the turning point
   Eigen::MatrixXd histogram_;  // (re, im a tone) x bins
   Eigen::MatrixXd basis_;      // (re, im a tone) x parameters
-  std::vector<std::complex<double>> phases_, node_;
+  std::vector<std::complex<double>> centre_;
+  Samples fine_, medium_, coarse_;
 };
 
 // With f the measured forces and B the model's phasors a unit of each linear parameter, minimises |W(B a -
-// f)|^2 over a >= 0 by trying every set of parameters that are not 0.
+// f)|^2.
 template <typename Model>
 StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Model::parameters>& shape,
                                                      double p0, std::span<const std::complex<double>> forces,
-                                                     std::span<const double> weights) {
+                                                     std::span<const double> weights,
+                                                     std::span<const Bounds> bounds) {
   constexpr std::size_t unknowns = Model::linear.size();
-  using Matrix = Eigen::Matrix<double, unknowns, unknowns>;
-  using Vector = Eigen::Matrix<double, unknowns, 1>;
   std::array<double, Model::parameters> p = shape;
   p[0] = p0;
   basis_.setZero();
-  for (std::size_t bin = 0; bin < bins; ++bin) {
-    if (!Model::has_tail && d_[bin] > p0) break;
-    std::array<double, Model::parameters> gradient;
-    Model::derivatives(p.data(), d_[bin], gradient.data());
-    for (std::size_t k = 0; k < unknowns; ++k)
-      basis_.col(static_cast<Eigen::Index>(k)) +=
-          gradient[Model::linear[k]] * histogram_.col(static_cast<Eigen::Index>(bin));
-  }
-  Matrix normal = Matrix::Zero();
-  Vector right = Vector::Zero();
+  for (std::size_t bin = 0; bin < bins; ++bin) add_bin<Model>(p.data(), bin);
+  Eigen::Matrix<double, unknowns, unknowns> normal;
+  Eigen::Matrix<double, unknowns, 1> right;
+  std::array<Bounds, unknowns> box;
+  normal.setZero();
+  right.setZero();
   double constant = 0.0;
   for (std::size_t i = 0; i < 2 * forces.size(); ++i) {
     const double weight = weights[i / 2], force = i % 2 == 0 ? forces[i / 2].real() : forces[i / 2].imag();
+    const auto b = basis_.row(static_cast<Eigen::Index>(i)).template head<unknowns>();
     constant += weight * force * force;
-    for (std::size_t k = 0; k < unknowns; ++k) {
-      const double b = basis_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k));
-      right(static_cast<Eigen::Index>(k)) += weight * b * force;
-      for (std::size_t l = 0; l < unknowns; ++l)
-        normal(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
-            weight * b * basis_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(l));
-    }
+    right += weight * force * b.transpose();
+    normal += weight * b.transpose() * b;
   }
-  Candidate<Model> best{p, constant};
-  for (std::size_t k : Model::linear) best.p[k] = 0.0;
-  for (unsigned set = 1; set < 1u << unknowns; ++set) {
-    Matrix a = Matrix::Identity();
-    Vector b = Vector::Zero();
-    for (Eigen::Index k = 0; k < a.rows(); ++k) {
-      if ((set >> k & 1u) == 0) continue;
-      b(k) = right(k);
-      for (Eigen::Index l = 0; l < a.cols(); ++l)
-        if ((set >> l & 1u) != 0) a(k, l) = normal(k, l);
+  for (std::size_t k = 0; k < unknowns; ++k) box[k] = bounds[Model::linear[k]];
+  const BoxSolution<unknowns> solution = solve_box<unknowns>(normal, right, box);
+  for (std::size_t k = 0; k < unknowns; ++k) p[Model::linear[k]] = solution.x(static_cast<Eigen::Index>(k));
+  return {p, constant + solution.value};
+}
+
+template <typename Model>
+void StartValues::add_bin(const double* p, std::size_t bin) {
+  const auto weights = histogram_.col(static_cast<Eigen::Index>(bin));
+  const auto add = [&](const auto& terms, const auto& values) {
+    for (std::size_t t = 0; t < terms.size(); ++t) {
+      if (terms[t].derivative != value_of_term) continue;
+      const auto k = std::ranges::find(Model::linear, terms[t].linear) - Model::linear.begin();
+      basis_.col(k) += values[t] * weights;
     }
-    const Vector x = a.fullPivLu().solve(b);
-    const double error = constant - 2.0 * right.dot(x) + x.dot(normal * x);
-    if (!(error < best.error) || !(x.minCoeff() >= 0.0)) continue;
-    best.error = error;
-    for (std::size_t k = 0; k < unknowns; ++k) best.p[Model::linear[k]] = x(static_cast<Eigen::Index>(k));
-  }
-  return best;
+  };
+  if (d_[bin] <= p[0])
+    add(Model::contact_terms, Model::contact(p, p[0] - d_[bin]));
+  else if constexpr (!Model::tail_terms.empty())
+    add(Model::tail_terms, Model::tail(p, d_[bin] - p[0]));
 }
 
 template <typename Model>
 std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std::span<const double> weights,
+                              std::span<const Bounds> bounds,
                               std::span<std::array<double, Model::parameters>, most> starts) {
-  std::array<Candidate<Model>, most> best;
-  const auto offer = [&best](const Candidate<Model>& one) {
-    auto place = std::ranges::find_if(best, [&](const auto& other) { return one.error < other.error; });
-    if (place == best.end()) return;
-    std::move_backward(place, best.end() - 1, best.end());
-    *place = one;
-  };
-  for (const auto& shape : Model::shapes) {
-    std::array<Candidate<Model>, depths> row;
-    for (std::size_t i = 0; i < depths; ++i)
-      row[i] = candidate<Model>(shape, lowest_ + depth(i), forces, weights);
-    for (std::size_t i = 0; i < depths; ++i) {
-      const bool below_left = i == 0 || row[i].error <= row[i - 1].error;
-      const bool below_right = i + 1 == depths || row[i].error < row[i + 1].error;
-      if (below_left && below_right) offer(row[i]);
-    }
+  constexpr std::size_t shapes = Model::shapes.size();
+  std::array<Candidate<Model>, depths> profile;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < depths; i += stride) {
+    profile[i] = best_shape<Model>(lowest_ + depth(i), 0, shapes, forces, weights, bounds);
+    least = std::min(least, profile[i].error);
   }
+  for (std::size_t i = 0; i + stride < depths; i += stride) {
+    const Candidate<Model>&left = profile[i], &right = profile[i + stride];
+    if (std::min(left.error, right.error) > worth_a_look * least) continue;
+    const std::size_t first = std::max<std::size_t>(std::min(left.shape, right.shape), 1) - 1;
+    const std::size_t last = std::min(std::max(left.shape, right.shape) + 2, shapes);
+    for (std::size_t j = i + 1; j < i + stride; ++j)
+      profile[j] = best_shape<Model>(lowest_ + depth(j), first, last, forces, weights, bounds);
+  }
+  std::array<Candidate<Model>, most> best;
+  for (std::size_t i = 0; i < depths; ++i) {
+    if (i > 0 && profile[i - 1].error < profile[i].error) continue;
+    if (i + 1 < depths && profile[i + 1].error <= profile[i].error) continue;
+    auto place =
+        std::ranges::find_if(best, [&](const auto& other) { return profile[i].error < other.error; });
+    if (place == best.end()) continue;
+    std::move_backward(place, best.end() - 1, best.end());
+    *place = profile[i];
+  }
+  double nothing = 0.0;
+  for (std::size_t i = 0; i < forces.size(); ++i) nothing += weights[i] * std::norm(forces[i]);
   std::size_t count = 0;
   for (const auto& one : best)
-    if (one.error < std::numeric_limits<double>::infinity()) starts[count++] = one.p;
+    if (one.error < 10.0 * best[0].error + doubt * nothing) starts[count++] = one.p;
   return count;
+}
+
+// The best of the model's shapes first … last - 1, then of the parabola through it and its neighbours (in the
+// logarithm of the shape).
+template <typename Model>
+StartValues::Candidate<Model> StartValues::best_shape(double p0, std::size_t first, std::size_t last,
+                                                      std::span<const std::complex<double>> forces,
+                                                      std::span<const double> weights,
+                                                      std::span<const Bounds> bounds) {
+  std::array<Candidate<Model>, Model::shapes.size()> row;
+  for (std::size_t r = first; r < last; ++r) {
+    row[r] = candidate<Model>(Model::shapes[r], p0, forces, weights, bounds);
+    row[r].shape = r;
+  }
+  const auto least = static_cast<std::size_t>(
+      std::min_element(row.begin() + first, row.begin() + last,
+                       [](const auto& a, const auto& b) { return a.error < b.error; }) -
+      row.begin());
+  if (least == first || least + 1 == last) return row[least];
+  const double before = row[least - 1].error - row[least].error,
+               after = row[least + 1].error - row[least].error;
+  const double offset = 0.5 * (before - after) / (before + after);
+  std::array<double, Model::parameters> shape = Model::shapes[least];
+  const auto& towards = Model::shapes[offset > 0.0 ? least + 1 : least - 1];
+  for (std::size_t k = 1; k < shape.size(); ++k)
+    shape[k] *= std::pow(towards[k] / shape[k], std::abs(offset));
+  Candidate<Model> between = candidate<Model>(shape, p0, forces, weights, bounds);
+  between.shape = least;
+  return between.error < row[least].error ? between : row[least];
 }
 
 }  // namespace combforce

@@ -1,5 +1,7 @@
 #include "daemon/cli/paper/grid_fit.hpp"
 
+#include <ceres/jet.h>
+
 #include <Eigen/Dense>
 #include <array>
 #include <numeric>
@@ -51,9 +53,14 @@ template <typename Model>
 Linearization<Model> linearize(const Grid& grid, const Eigen::Matrix<double, Model::parameters, 1>& p) {
   Linearization<Model> at{-grid.measured_nn, {}};
   at.jacobian.setZero(grid.measured_nn.size(), Model::parameters);
-  std::array<double, Model::parameters> gradient;
+  using Jet = ceres::Jet<double, Model::parameters>;
+  std::array<Jet, Model::parameters> jets;
+  for (std::size_t k = 0; k < Model::parameters; ++k)
+    jets[k] = Jet(p(static_cast<Eigen::Index>(k)), static_cast<int>(k));
   for (std::size_t n = 0; n < grid.d_nm.size(); ++n) {
-    const double force = Model::derivatives(p.data(), grid.d_nm[n], gradient.data());
+    const Jet value = Model::force(jets.data(), Jet(grid.d_nm[n]));
+    const double force = value.a;
+    const auto& gradient = value.v;
     if (force == 0.0) continue;
     for (std::size_t i = 0; i < grid.turn.size(); ++i) {
       const auto row = static_cast<Eigen::Index>(2 * i);
@@ -61,8 +68,10 @@ Linearization<Model> linearize(const Grid& grid, const Eigen::Matrix<double, Mod
       at.residuals(row) += force * turn.real();
       at.residuals(row + 1) += force * turn.imag();
       for (std::size_t k = 0; k < Model::parameters; ++k) {
-        at.jacobian(row, static_cast<Eigen::Index>(k)) += gradient[k] * turn.real();
-        at.jacobian(row + 1, static_cast<Eigen::Index>(k)) += gradient[k] * turn.imag();
+        at.jacobian(row, static_cast<Eigen::Index>(k)) +=
+            gradient(static_cast<Eigen::Index>(k)) * turn.real();
+        at.jacobian(row + 1, static_cast<Eigen::Index>(k)) +=
+            gradient(static_cast<Eigen::Index>(k)) * turn.imag();
       }
     }
   }
