@@ -17,7 +17,7 @@ namespace combforce {
 
 namespace {
 
-constexpr std::size_t kGroupChunks = 2;
+constexpr std::size_t group_chunks = 2;
 
 // Phase in radians of `index` / (2N) of a turn: half samples count, as the centre of a chunk lies on one.
 double half_sample_phase(std::uint64_t bin, std::uint64_t half_samples, std::uint64_t window_samples) {
@@ -47,7 +47,7 @@ class CombExtractor::State {
   void finish(std::span<std::complex<double>> phasors, std::span<double> channel_means) const;
 
   std::uint64_t missing() const { return span_ - taken_; }
-  std::uint64_t clipped() const { return clipped_; }
+  std::uint64_t clipped() const;
   const Comb& comb() const { return comb_; }
 
  private:
@@ -75,15 +75,15 @@ class CombExtractor::State {
       lane_phase_;  // [tones][lanes], from the lane's sample to the chunk's centre
 
   std::uint64_t first_sample_ = 0;
-  std::uint64_t span_ = 0;   // frames
-  std::uint64_t taken_ = 0;  // frames
-  std::uint64_t clipped_ = 0;
+  std::uint64_t span_ = 0;         // frames
+  std::uint64_t taken_ = 0;        // frames
+  std::uint64_t clipped_ = 0;      // of the chunks folded
   std::uint64_t chunks_done_ = 0;  // accumulated
   std::size_t staged_ = 0;         // samples of the chunk in staging
   std::size_t folded_chunks_ = 0;  // of the group
   std::vector<std::int16_t> staging_i16_;
   std::vector<float> staging_f32_;
-  hwy::AlignedFreeUniquePtr<float[]> folded_;  // [kGroupChunks][chunk]
+  hwy::AlignedFreeUniquePtr<float[]> folded_;  // [group_chunks][chunk]
   hwy::AlignedFreeUniquePtr<double[]> state_;  // [tones][re, im][lanes]
   std::vector<double> channel_sums_;
 };
@@ -104,7 +104,7 @@ CombExtractor::State::State(Comb comb_of, std::uint16_t channel_count, SampleFor
   const std::size_t lanes = kernels_.lanes;
   const std::size_t folds = kernels_.chunk_vectors / 2;
   coefficients_ = hwy::AllocateAligned<float>(tones * folds * 2);
-  folded_ = hwy::AllocateAligned<float>(kGroupChunks * chunk_);
+  folded_ = hwy::AllocateAligned<float>(group_chunks * chunk_);
   state_ = hwy::AllocateAligned<double>(tones * 2 * lanes);
   if (format_ == SampleFormat::i16)
     staging_i16_.resize(chunk_);
@@ -191,7 +191,7 @@ void CombExtractor::State::fold(const Sample* chunk, std::size_t valid) {
   channel_sums_[0] += statistics.sum;
   const bool in_range = statistics.min > clip_lo_ && statistics.max < clip_hi_;
   if (!in_range) clipped_ += count_clipped(chunk, valid, clip_lo_, clip_hi_);
-  if (++folded_chunks_ == kGroupChunks) accumulate();
+  if (++folded_chunks_ == group_chunks) accumulate();
 }
 
 void CombExtractor::State::accumulate() {
@@ -221,6 +221,12 @@ void CombExtractor::State::finish(std::span<std::complex<double>> phasors,
   for (std::size_t c = 0; c < channel_means.size(); ++c) channel_means[c] = channel_sums_[c] / samples;
 }
 
+std::uint64_t CombExtractor::State::clipped() const {
+  return clipped_ + (format_ == SampleFormat::i16
+                         ? count_clipped(staging_i16_.data(), staged_, clip_lo_, clip_hi_)
+                         : count_clipped(staging_f32_.data(), staged_, clip_lo_, clip_hi_));
+}
+
 CombExtractor::CombExtractor(Comb comb, std::uint16_t channels, SampleFormat format, double clip_lo,
                              double clip_hi)
     : state_(std::make_unique<State>(std::move(comb), channels, format, clip_lo, clip_hi)) {}
@@ -240,7 +246,7 @@ std::size_t CombExtractor::add(const float* samples, std::size_t frames) {
 std::uint64_t CombExtractor::missing() const {
   return state_->missing();
 }
-void CombExtractor::finish(std::span<std::complex<double>> phasors, std::span<double> channel_means) {
+void CombExtractor::finish(std::span<std::complex<double>> phasors, std::span<double> channel_means) const {
   state_->finish(phasors, channel_means);
 }
 std::uint64_t CombExtractor::clipped() const {

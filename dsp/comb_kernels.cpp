@@ -23,22 +23,22 @@ using I16Wide = hn::ScalableTag<std::int16_t>;
 using VecF32 = hn::Vec<F32>;
 using VecF64 = hn::Vec<F64>;
 
-constexpr std::size_t kRuns = 4;
-constexpr std::size_t kSteps = HWY_NATIVE_FMA ? 8 : 4;
-constexpr std::size_t kFolds = kRuns * kSteps;
-constexpr std::size_t kChunkVectors = 2 * kFolds;
+constexpr std::size_t runs = 4;
+constexpr std::size_t steps_per_run = HWY_NATIVE_FMA ? 8 : 4;
+constexpr std::size_t folds = runs * steps_per_run;
+constexpr std::size_t chunk_vectors = 2 * folds;
 
 // Two chunks by four tones want 16 accumulators, 4 samples and 2 coefficients: more than 16 registers hold.
-constexpr std::size_t kTileTones = HWY_TARGET <= HWY_AVX3 ? 4 : 2;
+constexpr std::size_t tile_tones = HWY_TARGET <= HWY_AVX3 ? 4 : 2;
 
 // Least and greatest of a chunk. Highway reduces no i16 vectors on x86: the last step goes through memory.
 struct Extremes {
   std::int16_t min, max;
 };
-Extremes ExtremesOf(const std::int16_t* HWY_RESTRICT samples) {
+Extremes extremes_of(const std::int16_t* HWY_RESTRICT samples) {
   const I16Wide wide;
   const std::size_t step = hn::Lanes(wide);
-  const std::size_t count = kChunkVectors * hn::Lanes(F32());
+  const std::size_t count = chunk_vectors * hn::Lanes(F32());
   auto min = hn::LoadU(wide, samples);
   auto max = min;
   for (std::size_t i = step; i < count; i += step) {
@@ -53,26 +53,26 @@ Extremes ExtremesOf(const std::int16_t* HWY_RESTRICT samples) {
   return {*std::min_element(mins, mins + step), *std::max_element(maxs, maxs + step)};
 }
 
-ChunkStatistics FoldI16(const std::int16_t* HWY_RESTRICT samples, float* HWY_RESTRICT folded) {
+ChunkStatistics fold_i16(const std::int16_t* HWY_RESTRICT samples, float* HWY_RESTRICT folded) {
   const F32 f32;
   const I32 i32;
   const I16 i16;
   const std::size_t lanes = hn::Lanes(f32);
   auto sum = hn::Zero(i32);
-  for (std::size_t j = 0; j < kFolds; ++j) {
-    const auto later = hn::PromoteTo(i32, hn::LoadU(i16, samples + (kFolds + j) * lanes));
-    const auto earlier = hn::PromoteTo(i32, hn::LoadU(i16, samples + (kFolds - 1 - j) * lanes));
+  for (std::size_t j = 0; j < folds; ++j) {
+    const auto later = hn::PromoteTo(i32, hn::LoadU(i16, samples + (folds + j) * lanes));
+    const auto earlier = hn::PromoteTo(i32, hn::LoadU(i16, samples + (folds - 1 - j) * lanes));
     const auto plus = hn::Add(later, earlier);
     sum = hn::Add(sum, plus);
     hn::Store(hn::ConvertTo(f32, plus), f32, folded + 2 * j * lanes);
     hn::Store(hn::ConvertTo(f32, hn::Sub(later, earlier)), f32, folded + (2 * j + 1) * lanes);
   }
-  const Extremes extremes = ExtremesOf(samples);
+  const Extremes extremes = extremes_of(samples);
   return {static_cast<double>(hn::GetLane(hn::SumOfLanes(i32, sum))), static_cast<double>(extremes.min),
           static_cast<double>(extremes.max)};
 }
 
-ChunkStatistics FoldF32(const float* HWY_RESTRICT samples, float* HWY_RESTRICT folded) {
+ChunkStatistics fold_f32(const float* HWY_RESTRICT samples, float* HWY_RESTRICT folded) {
   const F32 f32;
   const F64 f64;
   const Narrow narrow;
@@ -80,9 +80,9 @@ ChunkStatistics FoldF32(const float* HWY_RESTRICT samples, float* HWY_RESTRICT f
   auto sum = hn::Zero(f64);
   auto min = hn::Set(f32, std::numeric_limits<float>::infinity());
   auto max = hn::Neg(min);
-  for (std::size_t j = 0; j < kFolds; ++j) {
-    const auto later = hn::LoadU(f32, samples + (kFolds + j) * lanes);
-    const auto earlier = hn::LoadU(f32, samples + (kFolds - 1 - j) * lanes);
+  for (std::size_t j = 0; j < folds; ++j) {
+    const auto later = hn::LoadU(f32, samples + (folds + j) * lanes);
+    const auto earlier = hn::LoadU(f32, samples + (folds - 1 - j) * lanes);
     float* const plus = folded + 2 * j * lanes;
     hn::Store(hn::Add(later, earlier), f32, plus);
     hn::Store(hn::Sub(later, earlier), f32, plus + lanes);
@@ -97,8 +97,8 @@ ChunkStatistics FoldF32(const float* HWY_RESTRICT samples, float* HWY_RESTRICT f
 
 // state = state w + sum, chunk by chunk, for one tone. sums: [chunks][re, im][lanes].
 template <std::size_t C>
-HWY_INLINE void Advance(const float* HWY_RESTRICT sums, const double* HWY_RESTRICT advance,
-                        double* HWY_RESTRICT state) {
+HWY_INLINE void advance_state(const float* HWY_RESTRICT sums, const double* HWY_RESTRICT advance,
+                              double* HWY_RESTRICT state) {
   const F64 f64;
   const Narrow narrow;
   const std::size_t lanes = hn::Lanes(F32());
@@ -121,26 +121,26 @@ HWY_INLINE void Advance(const float* HWY_RESTRICT sums, const double* HWY_RESTRI
 
 // One tile: T tones by C chunks, the sums of a run in registers.
 template <std::size_t T, std::size_t C>
-void AccumulateTile(const float* HWY_RESTRICT folded, const float* HWY_RESTRICT coefficients,
-                    const double* HWY_RESTRICT advance, double* HWY_RESTRICT state) {
+void accumulate_tile(const float* HWY_RESTRICT folded, const float* HWY_RESTRICT coefficients,
+                     const double* HWY_RESTRICT advance, double* HWY_RESTRICT state) {
   const F32 f32;
   const std::size_t lanes = hn::Lanes(f32);
   HWY_ALIGN float total[T * C * 2 * hn::MaxLanes(F32())] = {};
   HWY_UNROLL(1)
-  for (std::size_t run = 0; run < kRuns; ++run) {
+  for (std::size_t run = 0; run < runs; ++run) {
     VecF32 sum[T][C][2];
     for (std::size_t t = 0; t < T; ++t)
       for (std::size_t c = 0; c < C; ++c) sum[t][c][0] = sum[t][c][1] = hn::Zero(f32);
     HWY_UNROLL(1)
-    for (std::size_t j = run * kSteps; j < (run + 1) * kSteps; ++j) {
+    for (std::size_t j = run * steps_per_run; j < (run + 1) * steps_per_run; ++j) {
       VecF32 plus[C], minus[C];
       for (std::size_t c = 0; c < C; ++c) {
-        plus[c] = hn::Load(f32, folded + (c * kChunkVectors + 2 * j) * lanes);
-        minus[c] = hn::Load(f32, folded + (c * kChunkVectors + 2 * j + 1) * lanes);
+        plus[c] = hn::Load(f32, folded + (c * chunk_vectors + 2 * j) * lanes);
+        minus[c] = hn::Load(f32, folded + (c * chunk_vectors + 2 * j + 1) * lanes);
       }
       for (std::size_t t = 0; t < T; ++t) {
-        const VecF32 cosine = hn::Set(f32, coefficients[(t * kFolds + j) * 2]);
-        const VecF32 sine = hn::Set(f32, coefficients[(t * kFolds + j) * 2 + 1]);
+        const VecF32 cosine = hn::Set(f32, coefficients[(t * folds + j) * 2]);
+        const VecF32 sine = hn::Set(f32, coefficients[(t * folds + j) * 2 + 1]);
         for (std::size_t c = 0; c < C; ++c) {
           sum[t][c][0] = hn::MulAdd(plus[c], cosine, sum[t][c][0]);
           sum[t][c][1] = hn::MulAdd(minus[c], sine, sum[t][c][1]);
@@ -155,31 +155,31 @@ void AccumulateTile(const float* HWY_RESTRICT folded, const float* HWY_RESTRICT 
         }
   }
   for (std::size_t t = 0; t < T; ++t)
-    Advance<C>(total + t * C * 2 * lanes, advance + 2 * t, state + 2 * t * lanes);
+    advance_state<C>(total + t * C * 2 * lanes, advance + 2 * t, state + 2 * t * lanes);
 }
 
 template <std::size_t C>
-void AccumulateTones(const float* folded, std::size_t tones, const float* coefficients, const double* advance,
-                     double* state) {
+void accumulate_tones(const float* folded, std::size_t tones, const float* coefficients,
+                      const double* advance, double* state) {
   const std::size_t lanes = hn::Lanes(F32());
   std::size_t t = 0;
-  for (; t + kTileTones <= tones; t += kTileTones)
-    AccumulateTile<kTileTones, C>(folded, coefficients + t * kChunkVectors, advance + 2 * t,
-                                  state + 2 * t * lanes);
+  for (; t + tile_tones <= tones; t += tile_tones)
+    accumulate_tile<tile_tones, C>(folded, coefficients + t * chunk_vectors, advance + 2 * t,
+                                   state + 2 * t * lanes);
   for (; t < tones; ++t)
-    AccumulateTile<1, C>(folded, coefficients + t * kChunkVectors, advance + 2 * t, state + 2 * t * lanes);
+    accumulate_tile<1, C>(folded, coefficients + t * chunk_vectors, advance + 2 * t, state + 2 * t * lanes);
 }
 
-void Accumulate(const float* folded, std::size_t chunks, std::size_t tones, const float* coefficients,
+void accumulate(const float* folded, std::size_t chunks, std::size_t tones, const float* coefficients,
                 const double* advance, double* state) {
   if (chunks == 2)
-    AccumulateTones<2>(folded, tones, coefficients, advance, state);
+    accumulate_tones<2>(folded, tones, coefficients, advance, state);
   else
-    AccumulateTones<1>(folded, tones, coefficients, advance, state);
+    accumulate_tones<1>(folded, tones, coefficients, advance, state);
 }
 
-CombKernels Kernels() {
-  return {hn::Lanes(F32()), kChunkVectors, FoldI16, FoldF32, Accumulate};
+CombKernels kernels() {
+  return {hn::Lanes(F32()), chunk_vectors, fold_i16, fold_f32, accumulate};
 }
 
 }  // namespace combforce::HWY_NAMESPACE
@@ -188,10 +188,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace combforce {
 
-HWY_EXPORT(Kernels);
+HWY_EXPORT(kernels);
 
 CombKernels comb_kernels() {
-  return HWY_DYNAMIC_DISPATCH(Kernels)();
+  return HWY_DYNAMIC_DISPATCH(kernels)();
 }
 
 }  // namespace combforce

@@ -1,11 +1,13 @@
 #include "dsp/pixel_clock.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <string>
 
 namespace combforce {
+
 namespace {
 
 // floor(j * samples / columns) without overflow: j <= columns < 2^32.
@@ -14,24 +16,28 @@ std::uint64_t boundary(std::uint64_t samples, std::uint64_t columns, std::uint64
 }
 
 std::uint64_t analysis_first(std::uint64_t first, std::uint64_t end, const ScanLayout& layout,
-                             std::uint64_t window) {
-  const std::uint64_t analysed = layout.windows * window;
+                             std::uint64_t window_samples) {
+  const std::uint64_t analysed = layout.windows * window_samples;
   return analysed >= end - first ? first : end - analysed;
 }
 
-void at_least(const char* field, std::uint64_t value, std::uint64_t bound) {
-  if (value < bound)
-    throw std::invalid_argument(std::string("scan.") + field + ": " + std::to_string(value) + " is below " +
-                                std::to_string(bound));
+void require_positive(const char* field, std::uint64_t value) {
+  if (value == 0) throw std::invalid_argument(fmt::format("scan.{}: 0 is less than 1", field));
 }
 
 }  // namespace
 
 void validate(const ScanLayout& layout, std::uint64_t window_samples) {
-  at_least("lines", layout.lines, 1);
-  at_least("columns", layout.columns, 1);
-  at_least("windows", layout.windows, 1);
-  at_least("pixel_samples", layout.pixel_samples, layout.settle_samples + layout.windows * window_samples);
+  require_positive("lines", layout.lines);
+  require_positive("columns", layout.columns);
+  require_positive("windows", layout.windows);
+  // In extended precision: the sum may exceed 64 bits, and then it exceeds any pixel_samples too.
+  const auto needed = static_cast<long double>(layout.settle_samples) +
+                      static_cast<long double>(layout.windows) * static_cast<long double>(window_samples);
+  if (static_cast<long double>(layout.pixel_samples) < needed)
+    throw std::invalid_argument(fmt::format(
+        "scan.pixel_samples: {} is less than settle_samples + windows * window_samples = {} + {} * {}",
+        layout.pixel_samples, layout.settle_samples, layout.windows, window_samples));
 }
 
 PixelSpan pixel_of_line(const LineMark& mark, const ScanLayout& layout, std::uint64_t window_samples,

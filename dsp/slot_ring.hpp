@@ -3,8 +3,8 @@
 // Two lock-free queues of slot indices (free, filled) over slots that the constructor makes: pushing and
 // popping moves indices, never slots, and never allocates, locks or waits.
 //
-// Thread rule: producer calls (acquire, publish) from one thread, consumer calls (front, release) from one
-// thread; filled() may be asked by any.
+// Thread rule: producer calls (acquire, publish) from one thread, consumer calls (front, release, filled)
+// from one thread.
 #pragma once
 
 #include <boost/lockfree/spsc_queue.hpp>
@@ -19,8 +19,7 @@ template <typename T>
 class SlotRing {
  public:
   // `slots` >= 1 copies of `prototype`.
-  SlotRing(std::size_t slots, const T& prototype)
-      : slots_(slots, prototype), free_(slots), filled_(slots) {
+  SlotRing(std::size_t slots, const T& prototype) : slots_(slots, prototype), free_(slots), filled_(slots) {
     for (std::size_t i = 0; i < slots; ++i) free_.push(static_cast<std::uint32_t>(i));
   }
 
@@ -50,7 +49,7 @@ class SlotRing {
 
   std::size_t capacity() const { return slots_.size(); }
 
-  // How many slots wait for the consumer: exact for the consumer, a lower or upper bound for others.
+  // Consumer: how many slots wait; the producer may add to them meanwhile.
   std::size_t filled() const { return filled_.read_available(); }
 
  private:

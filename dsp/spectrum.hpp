@@ -12,10 +12,12 @@ namespace combforce {
 // Averages modified periodograms of Hann-windowed segments with 50 % overlap (Welch 1967): bin k at
 // k * sample_rate / segment_samples, k = 0 … segment/2. The integral over frequency is the variance: bins but
 // DC and Nyquist carry both signs of frequency. The mean of each segment is removed when asked.
-// Thread-bound; push() does not allocate.
+// Thread-bound; push() does not allocate. Construction and destruction take FFTW's planner lock
+// (fftw_planner.hpp).
 class WelchSpectrum {
  public:
-  // segment_samples even, >= 4; sample_rate_hz > 0; else std::invalid_argument.
+  // segment_samples even, 4 <= segment_samples < 2^31; sample_rate_hz > 0, finite; else
+  // std::invalid_argument.
   WelchSpectrum(std::size_t segment_samples, double sample_rate_hz, bool remove_mean = true);
   ~WelchSpectrum();
   WelchSpectrum(WelchSpectrum&&) noexcept;
@@ -24,9 +26,9 @@ class WelchSpectrum {
   void push(std::span<const double> samples);
   void reset();  // forgets segments and the pending samples, as after a gap
 
-  std::uint64_t segments() const;          // averaged so far
+  std::uint64_t segments() const;  // averaged so far
   double bin_hz() const;
-  std::vector<double> density() const;     // segment/2 + 1 values; all 0 before the first segment
+  std::vector<double> density() const;  // segment/2 + 1 values; all 0 before the first segment
 
  private:
   class State;
