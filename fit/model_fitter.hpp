@@ -35,7 +35,13 @@ class ModelFitter {
         differences_(static_cast<Eigen::Index>(2 * tones)),
         finer_(static_cast<Eigen::Index>(2 * tones)),
         bounds_(bounds.begin(), bounds.end()),
-        in_force_(bounds_) {}
+        in_force_(bounds_) {
+    // The solver sizes its workspace when it is first called: here, not at the first pixel.
+    residuals_.set_bounds(in_force_);
+    x_.setZero();
+    solver_.options.max_num_iterations = 0;
+    solver_.Solve(residuals_, &x_);
+  }
 
   // The balance holds the motion. Fills everything of `result` but virial and power. `start`: empty to scan.
   void fit(const MeasuredForce& measured, std::span<const double> weights, std::span<const double> start,

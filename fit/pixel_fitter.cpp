@@ -77,10 +77,11 @@ void validate_weighting(const FitConditions& conditions) {
         "settings.weighting: noise, but noise.temperature_k and detector noise are 0");
 }
 
-bool finite(std::span<const std::complex<double>> tones) {
-  return std::ranges::all_of(tones, [](std::complex<double> tone) {
-    return std::isfinite(tone.real()) && std::isfinite(tone.imag());
-  });
+// Beyond a millimetre nothing is the tip of a cantilever: overflow, or a scale gone wrong. False for NaN.
+constexpr double longest_nm = 1e6;
+
+bool plausible(std::span<const std::complex<double>> tones) {
+  return std::ranges::all_of(tones, [](std::complex<double> tone) { return std::abs(tone) <= longest_nm; });
 }
 
 }  // namespace
@@ -125,7 +126,7 @@ class PixelFitter::State {
       result = unfitted(FitStatus::no_free_response, count);
       return;
     }
-    if (!finite(tip_nm)) {
+    if (!plausible(tip_nm)) {
       result = unfitted(FitStatus::not_converged, count);
       return;
     }

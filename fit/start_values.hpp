@@ -28,7 +28,7 @@ namespace combforce {
 class StartValues {
  public:
   static constexpr std::size_t depths = 97, stride = 4;
-  static constexpr std::size_t most = 5;  // starts
+  static constexpr std::size_t most = 6;  // starts
 
   explicit StartValues(const Motion& motion);  // for motions with its bins
 

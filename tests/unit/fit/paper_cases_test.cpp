@@ -81,7 +81,10 @@ TEST(PixelFitter, TheSameTonesGiveTheSameBitsWhateverCameBefore) {
   fresh.fit(dmt_tones, expected);
   used.fit(other, result);
   used.fit(dmt_tones, result);
-  EXPECT_EQ(result.parameters, expected.parameters);
+  for (std::size_t k = 0; k < expected.parameters_count; ++k) {
+    EXPECT_EQ(result.parameters[k], expected.parameters[k]);
+    EXPECT_EQ(result.std_errors[k], expected.std_errors[k]);
+  }
   EXPECT_EQ(result.iterations, expected.iterations);
 }
 
