@@ -56,6 +56,12 @@ class Live(SystemTest):
         self.assertEqual(live, self.replay(meta, threads=1))
         self.assertEqual(live, self.replay(meta, threads=4))
 
+    def test_discovery_lists_what_works(self):
+        client = self.daemon(small_instrument()).client()
+        methods = {method["name"] for method in client.call("rpc.discover")["methods"]}
+        self.assertLessEqual({"instrument.status", "scan.start", "free.capture", "record.stop", "subscribe"}, methods)
+        self.assertEqual(-32601, client.request("no.such.method")["error"]["code"])  # JSON-RPC 2.0, section 5.1
+
     def test_recording_passes_the_schema(self):
         schema = SOURCE.parent / "shared/sigmf/sigmf-schema.json"
         if not schema.exists():
