@@ -21,7 +21,9 @@ enum class PixelFlag : std::uint8_t {
 
 class PixelFlags {
  public:
-  constexpr void set(PixelFlag flag) { bits_ = static_cast<std::uint8_t>(bits_ | static_cast<std::uint8_t>(flag)); }
+  constexpr void set(PixelFlag flag) {
+    bits_ = static_cast<std::uint8_t>(bits_ | static_cast<std::uint8_t>(flag));
+  }
   constexpr bool has(PixelFlag flag) const { return (bits_ & static_cast<std::uint8_t>(flag)) != 0; }
   constexpr bool any() const { return bits_ != 0; }
   constexpr void clear() { bits_ = 0; }
@@ -38,8 +40,8 @@ struct PixelSpan {
   std::uint32_t column = 0;  // spatial column: on retrace it counts down in time
   Direction direction = Direction::trace;
   std::uint64_t first_sample = 0;
-  std::uint64_t end_sample = 0;       // one past the last
-  std::uint64_t analysis_first = 0;   // the last windows * N samples: [analysis_first, end_sample)
+  std::uint64_t end_sample = 0;      // one past the last
+  std::uint64_t analysis_first = 0;  // the last windows * N samples: [analysis_first, end_sample)
 
   bool operator==(const PixelSpan&) const = default;
 };

@@ -10,12 +10,12 @@ enum class Direction : std::uint8_t { trace, retrace };
 
 // Raster of a scan. All lengths in samples of the stream.
 struct ScanLayout {
-  std::uint32_t lines = 1;    // >= 1
-  std::uint32_t columns = 1;  // >= 1
-  std::uint64_t pixel_samples = 0;   // >= settle_samples + windows * comb window
-  std::uint64_t settle_samples = 0;  // skipped at the start of a pixel, at least
-  std::uint32_t windows = 1;         // comb windows averaged in a pixel, >= 1
-  bool bidirectional = false;        // trace and retrace of every line
+  std::uint32_t lines = 1;                  // >= 1
+  std::uint32_t columns = 1;                // >= 1
+  std::uint64_t pixel_samples = 0;          // >= settle_samples + windows * comb window
+  std::uint64_t settle_samples = 0;         // skipped at the start of a pixel, at least
+  std::uint32_t windows = 1;                // comb windows averaged in a pixel, >= 1
+  bool bidirectional = false;               // trace and retrace of every line
   std::array<double, 2> size_nm{0.0, 0.0};  // extent in x and y; 0 when unknown
 
   bool operator==(const ScanLayout&) const = default;
