@@ -149,12 +149,13 @@ std::string local_remark(const CaseMotion& motion, const TableRow& row) {
   return fmt::format(
       "{}: a local search from the true parameters on the paper's grid of 400,000 samples gives {} over the "
       "same draws "
-      "({} of them converged): {} (means {}, standard deviations {} standard errors from the paper's). The "
+      "({} of them converged): {} (differences of means {}, of standard deviations {} standard errors). The "
       "paper does "
       "not say where its searches started.",
       name(row), values, std::ranges::count(fits, true, &GridFit::converged),
-      by_chance(z.mean) && by_chance(z.spread) ? "this explains the paper's values"
-                                               : "this does not explain all of the paper's values",
+      by_chance(z.mean) && by_chance(z.spread)
+          ? "consistent with the paper's values"
+          : "not all consistent with the paper's values, not explained further",
       list(z.mean, 1), list(z.spread, 1));
 }
 
@@ -211,15 +212,14 @@ std::vector<std::string> scatter_remarks(const CaseMotion& motion, const TableRo
   if (const std::string names = differing(means, printed.mean); !names.empty())
     remarks.push_back(fmt::format(
         "{}, means of {}: {} ({} standard errors; {} without the noise-free difference).", name(row), names,
-        chance_mean                      ? "within the sampling error of 100 draws"
-        : by_chance(z.mean_without_bias) ? "the noise-free difference, and for the rest sampling error"
-                                         : "more than sampling error",
+        chance_mean                      ? "within 3 standard errors"
+        : by_chance(z.mean_without_bias) ? "the noise-free difference, the rest within 3 standard errors"
+                                         : "beyond 3 standard errors",
         list(z.mean, 1), list(z.mean_without_bias, 1)));
   if (const std::string names = differing(spreads, printed.spread); !names.empty())
-    remarks.push_back(
-        fmt::format("{}, standard deviations of {}: {} ({} standard errors).", name(row), names,
-                    chance_spread ? "within the sampling error of 100 draws" : "more than sampling error",
-                    list(z.spread, 1)));
+    remarks.push_back(fmt::format("{}, standard deviations of {}: {} ({} standard errors).", name(row), names,
+                                  chance_spread ? "within 3 standard errors" : "beyond 3 standard errors",
+                                  list(z.spread, 1)));
   if ((chance_mean || by_chance(z.mean_without_bias)) && chance_spread) return remarks;
   remarks.push_back(far_remark(row));
   remarks.push_back(local_remark(motion, row));
