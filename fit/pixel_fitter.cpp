@@ -162,7 +162,9 @@ class PixelFitter::State {
 
   AnyModelFitter make_fitter(const FitConditions& conditions) {
     return visit_model(*model_, [&](auto type) -> AnyModelFitter {
-      return ModelFitter<decltype(type)>(balance_, tones_, bounds_of(conditions.settings));
+      // In place: the solver's workspace must not be copied before it is first used.
+      return AnyModelFitter(std::in_place_type<ModelFitter<decltype(type)>>, balance_, tones_,
+                            bounds_of(conditions.settings));
     });
   }
 

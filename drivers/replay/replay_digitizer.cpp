@@ -105,9 +105,10 @@ class ReplayDigitizer::Impl {
     {
       const std::lock_guard lock(mutex_);
       stopping_ = true;
+      // The sink need not live longer than the stream.
+      if (status_.state == StreamState::running) sink_->stop_waiting();
     }
     stop_asked_.notify_all();
-    sink_->stop_waiting();
     if (thread_.joinable()) thread_.join();
   }
 

@@ -65,8 +65,9 @@ class SimulatedDigitizer::Impl {
       stopping_ = true;
       changed_.notify_all();
       if (status_.state == StreamState::idle) status_.state = StreamState::ended;
+      // The sink need not live longer than the stream.
+      if (status_.state == StreamState::running) sink_->stop_waiting();
     }
-    if (sink_ != nullptr) sink_->stop_waiting();
     if (thread_.joinable()) thread_.join();
   }
 
