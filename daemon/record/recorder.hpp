@@ -4,8 +4,9 @@
 // most once a second while it runs, and at the end, when core:sha512 is added. After a crash or kill -9 the
 // pair still replays, less at most the last second of marks. A gap or a new epoch starts a new capture with
 // core:global_index, and replaces the metadata at once: the capture is stated before any sample after it is
-// written, so no sample is ever misplaced. Replacing takes some 0.2 ms and 4 us a line recorded so far, plus
-// an fsync, on a second thread; for gaps on the writer's own, without the fsync.
+// written, so no sample is ever misplaced. Replacing costs time in
+// proportion to the lines recorded so far, plus an fsync, on a second thread; for gaps on the writer's own,
+// without the fsync.
 //
 // Disk full or a write error ends the recording with an event `record_failed`; the acquisition goes on. What
 // was written until then is closed as well as the disk allows.

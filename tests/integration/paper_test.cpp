@@ -116,14 +116,14 @@ class PaperReport : public testing::Test {
   }
 };
 
-// The paper: at most 800 pN, standard deviation 10 pN, in its digits. Its figure shows DMT; a Hertz force has
+// The paper: at most 800 pN, standard deviation 10 pN. Its figure shows DMT; a Hertz force has
 // no kink of its slope and must do far better.
 TEST_F(PaperReport, SimulatorIsAsAccurateAsThePapers) {
   for (const SimulatorCheck& check : results().checks) {
     if (check.of->scheme == DriveScheme::equal_amplitude && check.of->model == "dmt")
       continue;  // twice the speed
     EXPECT_LE(check.largest_nn, check.of->model == "dmt" ? 0.8 : 0.1) << check.of->key;
-    EXPECT_LE(check.spread_nn, check.of->model == "dmt" ? 0.0105 : 0.001) << check.of->key;
+    EXPECT_LE(check.spread_nn, check.of->model == "dmt" ? 0.010 : 0.001) << check.of->key;
   }
   // What is left is the spectrum's end, not the integrator: a kink's error falls with the rate.
   EXPECT_LT(results().check_at_double_rate.spread_nn, 0.6 * results().checks[3].spread_nn);

@@ -5,25 +5,22 @@
 #include <memory>
 #include <mutex>
 
+#include "dsp/fftw_planner.hpp"
+
 namespace combforce::paper {
 namespace {
 
 struct DestroyPlan {
   void operator()(fftw_plan plan) const {
-    const std::lock_guard lock(mutex());
+    const std::lock_guard lock(fftw_planner_mutex());
     fftw_destroy_plan(plan);
-  }
-  // FFTW's planner is not thread-safe, its execution is.
-  static std::mutex& mutex() {
-    static std::mutex one;
-    return one;
   }
 };
 using Plan = std::unique_ptr<std::remove_pointer_t<fftw_plan>, DestroyPlan>;
 
 template <typename Make>
 Plan make_plan(const Make& make) {
-  const std::lock_guard lock(DestroyPlan::mutex());
+  const std::lock_guard lock(fftw_planner_mutex());
   return Plan(make());
 }
 
