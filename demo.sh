@@ -20,14 +20,15 @@ mkdir -p demo-output
 cd demo-output
 rm -rf maps maps.png pixels.ndjson
 
-"$bin/combforced" --config ../config/demo.json 2>daemon.log &
+setsid "$bin/combforced" --config ../config/demo.json 2>daemon.log &  # out of reach of the terminal's Ctrl-C
 daemon=$!
 stop_daemon() {
+  trap '' INT TERM HUP
   kill -TERM "$daemon" 2>/dev/null || true
   wait "$daemon" || { echo "the daemon failed:"; cat daemon.log; } >&2
 }
 trap stop_daemon EXIT
-trap 'exit 0' INT TERM
+trap 'echo; exit 0' INT TERM HUP
 
 socket=combforce-demo.sock
 for _ in $(seq 100); do
