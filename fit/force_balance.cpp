@@ -30,12 +30,11 @@ constexpr double margin_of_span = 1.0 / 40.0;
 
 ForceBalance::ForceBalance(std::span<const std::uint64_t> bins) : motion_(bins) {
   const std::size_t tones = motion_.tones();
-  for (std::size_t nodes = 1; nodes <= most_nodes; ++nodes) rules_[nodes] = gauss_legendre(nodes);
   for (std::size_t level = 0; level < levels; ++level) {
     for (std::size_t split = 0; split < far_splits; ++split) {
       const std::size_t parts = std::size_t{1} << split;
       for (std::size_t part = 0; part < parts; ++part)
-        for (const double u : rules_[far_nodes[level]].nodes)
+        for (const double u : quadrature_.rule(far_nodes[level]).nodes)
           for (std::size_t tone = 0; tone < tones; ++tone)
             far_phases_[level][split].push_back(motion_.local_phase(
                 tone, -1.0 + 2.0 * (static_cast<double>(part) + u) / static_cast<double>(parts)));
@@ -61,7 +60,7 @@ void ForceBalance::set_motion(std::span<const std::complex<double>> tones) {
 void ForceBalance::prepare(double p0, std::size_t level, bool tail) {
   const double about = far_from_ - 2.0 * margin_;
   const bool kept = prepared_ && std::abs(p0 - about) <= 0.5 * margin_;
-  level_ = level;
+  quadrature_.set_level(level);
   if (kept && (!tail || far_level_ == level)) return;
   far_level_ = level;
   prepared_ = true;
@@ -133,7 +132,7 @@ void ForceBalance::add_far_part(const Motion::Polynomial& c, double curvature, s
       return;
     }
   }
-  const GaussRule& rule = rules_[far_nodes[far_level_]];
+  const GaussRule& rule = quadrature_.rule(far_nodes[far_level_]);
   const std::complex<double>* phases =
       far_phases_[far_level_][split].data() + part * rule.nodes.size() * motion_.tones();
   for (std::size_t j = 0; j < rule.nodes.size(); ++j, phases += motion_.tones())

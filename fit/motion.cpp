@@ -6,8 +6,6 @@
 #include <numeric>
 
 namespace combforce {
-namespace {
-
 // exp(i theta s) = J_0(theta) + 2 sum_k i^k J_k(theta) T_k(s) (Jacobi-Anger), cut after degree 9, in powers
 // of s. T_k has the parity of k, so even powers are real and odd ones imaginary.
 Motion::Polynomial expand_exponential(double theta) {
@@ -27,8 +25,6 @@ Motion::Polynomial expand_exponential(double theta) {
   }
   return sum;
 }
-
-}  // namespace
 
 Motion::Motion(std::span<const std::uint64_t> bins) : harmonics_(bins.begin(), bins.end()) {
   std::uint64_t divisor = 0;

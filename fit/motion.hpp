@@ -59,6 +59,10 @@ class Motion {
   double lowest_ = 0.0, highest_ = 0.0;
 };
 
+// Coefficients of exp(i theta s) in powers of s, |s| <= 1: even k the real part, odd k the imaginary; exact
+// to 2 J_10(theta): 5e-11 at pi/4, 1e-6 at 3 pi/4.
+Motion::Polynomial expand_exponential(double theta);
+
 // Value of a polynomial, and value with derivative.
 inline double value_at(const Motion::Polynomial& c, double s) {
   double value = c[Motion::order - 1];

@@ -1,0 +1,43 @@
+// The harmonics of a pixel's motion, on the comb and off it, and how the tip answers there.
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "dsp/comb.hpp"
+#include "fit/cantilever.hpp"
+
+namespace combforce {
+
+// The motion repeats after T/g, g the greatest common divisor of the comb's bins; harmonic n of it lies at n
+// g Delta f. Immutable: may be shared by threads.
+class Harmonics {
+ public:
+  // comb, cantilever: valid.
+  Harmonics(const Comb& comb, const Cantilever& cantilever, double delta_f_hz);
+
+  // The band: up to three times the fastest tone, and to where the tip's compliance has fallen to a
+  // thousandth of the static one. Forces beyond move the tip too little to matter (parameters to 5e-5 for the
+  // paper's cases).
+  std::size_t band() const { return response_.size() - 1; }
+  std::span<const std::size_t> tones() const { return tones_; }  // of the comb, in its order
+  std::size_t highest_tone() const { return highest_tone_; }
+  bool is_tone(std::size_t harmonic) const { return is_tone_[harmonic]; }
+
+  // chi, nm/nN, of harmonics 0 … band.
+  const std::vector<std::complex<double>>& response() const { return response_; }
+
+  // Off the comb, the harmonics with the greatest |chi|, greatest first: they couple most strongly.
+  std::span<const std::size_t> strong() const { return strong_; }
+
+ private:
+  std::vector<std::size_t> tones_;
+  std::size_t highest_tone_ = 0;
+  std::vector<bool> is_tone_;
+  std::vector<std::complex<double>> response_;
+  std::vector<std::size_t> strong_;
+};
+
+}  // namespace combforce

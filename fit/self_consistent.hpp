@@ -1,0 +1,325 @@
+// The fit beyond the paper: parameters and the motion off the comb, found together.
+//
+// The paper takes the measured tones for the whole motion. But the model's force acts at every frequency, and
+// what it moves off the comb (mean, sidebands, harmonics) changes the force. Here the motion is the measured
+// tones and, at every other harmonic n of the period up to a band limit, o_n = chi_n F_n(p, motion); the
+// parameters minimise the weighted residuals of the force balance (paper, equation 8) at the tones under that
+// constraint.
+//
+// Gauss-Newton on p and o together. With G the spectrum of F'(d(t)), a change of motion changes the force at
+// n by sum_m G_(n-m) o_m + conjugate part, so the constraint linearised is (1 - chi G) do = chi dF/dp dp +
+// rho. It is solved densely for the bins that couple most strongly (greatest |chi|: sidebands of the soft
+// modes) and by substitution elsewhere. Plain substitution alone diverges for stiff contacts and low
+// set-points.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "fit/bounded.hpp"
+#include "fit/box_least_squares.hpp"
+#include "fit/force_spectrum.hpp"
+#include "fit/harmonics.hpp"
+
+namespace combforce {
+
+// Thread-bound. Only the constructor allocates.
+template <typename Model>
+class SelfConsistentFit {
+ public:
+  static constexpr std::size_t count = Model::parameters;
+  using Parameters = std::array<double, count>;
+
+  struct Solution {
+    Parameters p{};
+    double cost = std::numeric_limits<double>::infinity();  // sum of weight |residual|^2 over the tones
+    std::uint32_t iterations = 0;
+    bool converged = false;
+    std::array<bool, count> fixed{};  // at a bound
+  };
+
+  explicit SelfConsistentFit(const Harmonics& harmonics)
+      : harmonics_(&harmonics),
+        spectrum_(harmonics.highest_tone(), harmonics.band()),
+        rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
+        unknowns_(static_cast<Eigen::Index>(2 * harmonics.strong().size())),
+        matrix_(unknowns_, unknowns_),
+        factor_(unknowns_),
+        right_(unknowns_),
+        solved_(unknowns_),
+        force_(harmonics.band() + 1),
+        motion_(harmonics.band() + 1),
+        tones_(harmonics.tones().size()),
+        forces_(harmonics.tones().size()),
+        weights_(harmonics.tones().size()) {
+    for (auto& derivative : derivatives_) derivative.resize(motion_.size());
+    for (Linearized* at : {&current_, &best_}) {
+      at->base.resize(motion_.size());
+      for (auto& response : at->response) response.resize(motion_.size());
+      at->residuals.resize(rows_);
+      at->jacobian.resize(rows_, count);
+    }
+  }
+
+  // `tones`: measured motion, nm; `forces`: measured forces, nN; `weights`: of squared residuals, one a tone
+  // each.
+  void set_measured(std::span<const std::complex<double>> tones, std::span<const std::complex<double>> forces,
+                    std::span<const double> weights) {
+    std::ranges::copy(tones, tones_.begin());
+    std::ranges::copy(forces, forces_.begin());
+    std::ranges::copy(weights, weights_.begin());
+  }
+  void set_bounds(std::span<const Bounds> bounds) {
+    for (std::size_t k = 0; k < count; ++k) bounded_[k] = Bounded(bounds[k].lower, bounds[k].upper);
+  }
+
+  // From p and no motion off the comb, at most `most` iterations.
+  Solution solve(const Parameters& p, std::size_t level, std::uint32_t most) {
+    Solution solution;
+    std::ranges::fill(motion_, 0.0);
+    Coordinates x = coordinates(p), step = Coordinates::Zero();
+    best_.cost = std::numeric_limits<double>::infinity();
+    double damping = 0.0;
+    std::size_t watched = 0;
+    while (solution.iterations < most && !solution.converged) {
+      ++solution.iterations;
+      linearize(x, level);
+      const bool better = current_.cost < best_.cost;
+      if (better) {
+        std::swap(current_, best_);
+        damping = damping > least_damping ? 0.1 * damping : 0.0;
+        watched = 0;
+      } else if (is_small(step, best_)) {
+        solution.converged = true;
+        break;
+      } else if (++watched > watch) {
+        damping = std::max(30.0 * damping, least_damping);
+        watched = 0;
+      }
+      const Linearized& from = watched > 0 ? current_ : best_;
+      if (!std::isfinite(from.cost)) break;
+      step = damped_step(from, damping);
+      x = from.x + step;
+      solution.converged = better && is_small(step, from);
+      move(x, from);
+    }
+    if (!solution.converged) x = best_.x;
+    for (std::size_t k = 0; k < count; ++k) {
+      solution.p[k] = bounded_[k].value(x(static_cast<Eigen::Index>(k)));
+      solution.fixed[k] = bounded_[k].at_bound(x(static_cast<Eigen::Index>(k)));
+    }
+    solution.cost = best_.cost;
+    return solution;
+  }
+
+  // Of the last solution: F_model - F_measured in nN, rows (re, im) of every tone, and its total derivative
+  // with respect to the parameters, the motion off the comb following.
+  const Eigen::VectorXd& residuals() const { return best_.residuals; }
+  const Eigen::MatrixXd& jacobian() const { return best_.jacobian; }
+
+ private:
+  using Coordinates = Eigen::Matrix<double, count, 1>;
+  using Spectrum = ForceSpectrum::Spectrum;
+  using Complex = std::complex<double>;
+
+  struct Linearized {  // at x and a motion
+    Coordinates x = Coordinates::Zero();
+    Spectrum base;                         // motion off the comb after the Newton step at fixed parameters
+    std::array<Spectrum, count> response;  // its derivatives
+    Eigen::VectorXd residuals;             // at `base`, to first order
+    Eigen::MatrixXd jacobian;              // total, by parameters
+    double cost = std::numeric_limits<double>::infinity();
+  };
+
+  static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
+  Coordinates coordinates(const Parameters& p) const {
+    Coordinates x;
+    for (std::size_t k = 0; k < count; ++k) x(index(k)) = bounded_[k].inverse(p[k]);
+    return x;
+  }
+
+  // Coefficient m of exp(i w_m t) in F'(d(t)); for a force of d - p0, F' = -dF/dp0.
+  Complex stiffness(std::ptrdiff_t m) const {
+    const auto size = static_cast<std::ptrdiff_t>(motion_.size());
+    if (m >= size || -m >= size) return 0.0;
+    if (m == 0) return -derivatives_[0][0];
+    const Complex half = -0.5 * derivatives_[0][static_cast<std::size_t>(std::abs(m))];
+    return m > 0 ? half : std::conj(half);
+  }
+
+  // What a change (x + iy) of the motion at harmonic m does to the force at n: re x + im y.
+  struct Coupling {
+    Complex re, im;
+  };
+  Coupling coupling(std::size_t n, std::size_t m) const {
+    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
+    if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
+    if (n == 0) return {stiffness(k).real(), stiffness(k).imag()};
+    const Complex direct = stiffness(j - k), mirrored = stiffness(j + k);
+    return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
+  }
+
+  // Evaluates the model at x along motion_ (its off-comb part), and solves the linearised constraint.
+  void linearize(const Coordinates& x, std::size_t level) {
+    Parameters p;
+    for (std::size_t k = 0; k < count; ++k) p[k] = bounded_[k].value(x(index(k)));
+    for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
+    spectrum_.set_motion(motion_);
+    spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_);
+    current_.x = x;
+    factorize();
+    respond(force_, motion_, current_.base);
+    for (std::size_t k = 0; k < count; ++k) respond(derivatives_[k], {}, current_.response[k]);
+    project();
+  }
+
+  // motion + do where (1 - chi G) do = chi force - motion; strong bins densely, others by substitution.
+  void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out) {
+    const auto& chi = harmonics_->response();
+    for (std::size_t n = 0; n < out.size(); ++n) out[n] = chi[n] * force[n];
+    const auto& strong = harmonics_->strong();
+    for (std::size_t s = 0; s < strong.size(); ++s) {
+      const Complex rho = out[strong[s]] - (motion.empty() ? 0.0 : motion[strong[s]]);
+      right_(index(2 * s)) = rho.real();
+      right_(index(2 * s + 1)) = rho.imag();
+    }
+    solved_ = factor_.solve(right_);
+    for (std::size_t s = 0; s < strong.size(); ++s)
+      out[strong[s]] = (motion.empty() ? 0.0 : motion[strong[s]]) +
+                       Complex(solved_(index(2 * s)), solved_(index(2 * s + 1)));
+    for (const std::size_t tone : harmonics_->tones()) out[tone] = 0.0;
+    out[0] = out[0].real();
+  }
+
+  void factorize() {
+    const auto& strong = harmonics_->strong();
+    const auto& chi = harmonics_->response();
+    for (std::size_t column = 0; column < strong.size(); ++column)
+      for (std::size_t row = 0; row < strong.size(); ++row) {
+        const auto [re, im] = coupling(strong[row], strong[column]);
+        const Complex x = -chi[strong[row]] * re, y = -chi[strong[row]] * im;
+        const double one = row == column ? 1.0 : 0.0;
+        matrix_(index(2 * row), index(2 * column)) = one + x.real();
+        matrix_(index(2 * row + 1), index(2 * column)) = x.imag();
+        matrix_(index(2 * row), index(2 * column + 1)) = y.real();
+        matrix_(index(2 * row + 1), index(2 * column + 1)) = one + y.imag();
+      }
+    factor_.compute(matrix_);
+  }
+
+  // Residuals at the tones after the motion's step, and their total derivatives.
+  void project() {
+    current_.cost = 0.0;
+    for (std::size_t i = 0; i < tones_.size(); ++i) {
+      const std::size_t tone = harmonics_->tones()[i];
+      Complex residual = force_[tone] - forces_[i];
+      std::array<Complex, count> slopes;
+      for (std::size_t k = 0; k < count; ++k) slopes[k] = derivatives_[k][tone];
+      for (std::size_t n = 0; n < motion_.size(); ++n) {
+        if (harmonics_->is_tone(n)) continue;
+        const auto [re, im] = coupling(tone, n);
+        const Complex step = current_.base[n] - motion_[n];
+        residual += re * step.real() + im * step.imag();
+        for (std::size_t k = 0; k < count; ++k)
+          slopes[k] += re * current_.response[k][n].real() + im * current_.response[k][n].imag();
+      }
+      current_.residuals(index(2 * i)) = residual.real();
+      current_.residuals(index(2 * i + 1)) = residual.imag();
+      for (std::size_t k = 0; k < count; ++k) {
+        current_.jacobian(index(2 * i), index(k)) = slopes[k].real();
+        current_.jacobian(index(2 * i + 1), index(k)) = slopes[k].imag();
+      }
+      current_.cost += weights_[i] * std::norm(residual);
+    }
+  }
+
+  double slope(std::size_t k, const Linearized& at) const {
+    const double x = at.x(index(k));
+    return bounded_[k].slope(x, bounded_[k].value(x));
+  }
+
+  // Levenberg-Marquardt step of the coordinates.
+  Coordinates damped_step(const Linearized& at, double damping) const {
+    Eigen::Matrix<double, count, count> normal = Eigen::Matrix<double, count, count>::Zero();
+    Coordinates right = Coordinates::Zero(), scale;
+    for (Eigen::Index row = 0; row < rows_; ++row) {
+      const double weight = weights_[static_cast<std::size_t>(row / 2)];
+      for (std::size_t k = 0; k < count; ++k) {
+        const double at_k = at.jacobian(row, index(k)) * slope(k, at);
+        right(index(k)) -= weight * at_k * at.residuals(row);
+        for (std::size_t l = 0; l < count; ++l)
+          normal(index(k), index(l)) += weight * at_k * at.jacobian(row, index(l)) * slope(l, at);
+      }
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      const double diagonal = normal(index(k), index(k));
+      scale(index(k)) = diagonal > 0.0 ? 1.0 / std::sqrt(diagonal) : 0.0;
+    }
+    normal = scale.asDiagonal() * normal * scale.asDiagonal();
+    normal.diagonal().setConstant(1.0 + damping);
+    const Coordinates scaled = scale.asDiagonal() * right;
+    Coordinates step = scale.asDiagonal() * normal.ldlt().solve(scaled);
+    double shrink = 1.0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const double change = std::abs(step(index(k)) * slope(k, at));
+      const double p = std::abs(bounded_[k].value(at.x(index(k))));
+      shrink = std::min(shrink, (k == 0 ? longest_step_nm : longest_step * p) / change);
+    }
+    return shrink < 1.0 ? Coordinates(shrink * step) : step;
+  }
+
+  bool is_small(const Coordinates& step, const Linearized& at) const {
+    for (std::size_t k = 0; k < count; ++k) {
+      const double change = std::abs(step(index(k)) * slope(k, at));
+      const double p = std::abs(bounded_[k].value(at.x(index(k))));
+      if (!(change <= tolerance * (k == 0 ? 1.0 : p))) return false;
+    }
+    return true;
+  }
+
+  // motion_ at x, to first order.
+  void move(const Coordinates& x, const Linearized& from) {
+    Parameters change;
+    for (std::size_t k = 0; k < count; ++k)
+      change[k] = bounded_[k].value(x(index(k))) - bounded_[k].value(from.x(index(k)));
+    for (std::size_t n = 0; n < motion_.size(); ++n) {
+      Complex value = from.base[n];
+      for (std::size_t k = 0; k < count; ++k) value += change[k] * from.response[k][n];
+      motion_[n] = value;
+    }
+  }
+
+  static constexpr double tolerance = 2e-6;  // nm, or relative
+  // A step along a curved trench first leads up its wall: so many iterations may pass before a better one,
+  // then the search goes back (watchdog technique, Chamberlain et al. 1982).
+  static constexpr std::size_t watch = 3;
+  static constexpr double least_damping = 1e-8;
+  static constexpr double longest_step_nm = 2.0;  // of the surface position
+  static constexpr double longest_step = 0.7;     // of other parameters, relative
+
+  const Harmonics* harmonics_;
+  ForceSpectrum spectrum_;
+  Eigen::Index rows_, unknowns_;
+  Eigen::MatrixXd matrix_;
+  Eigen::PartialPivLU<Eigen::MatrixXd> factor_;
+  Eigen::VectorXd right_, solved_;
+  Spectrum force_, motion_;
+  std::array<Spectrum, count> derivatives_;
+  std::vector<Complex> tones_, forces_;
+  std::vector<double> weights_;
+  std::array<Bounded, count> bounded_;
+  Linearized current_, best_;
+};
+
+}  // namespace combforce
