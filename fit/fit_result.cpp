@@ -14,6 +14,8 @@ FitResult unfitted(FitStatus status, std::size_t parameters_count) {
   result.std_errors.fill(unknown);
   result.quadrature_errors.fill(unknown);
   result.correlation.fill(unknown);
+  result.alternative_delta_chi2 = unknown;
+  result.alternative.fill(unknown);
   result.virial_nn_nm = unknown;
   result.dissipated_fw = unknown;
   return result;

@@ -16,7 +16,9 @@ enum class FitStatus : std::uint8_t {
   no_contact,        // no force above noise: parameters NaN
   no_free_response,  // nothing to refer a force to: parameters NaN
   not_fitted,        // the pool was full: parameters NaN; refit from the recording
-  flagged            // the pixel carries a flag: parameters NaN
+  flagged,           // the pixel carries a flag: parameters NaN
+  misfit,            // chi^2 says that the model does not explain the pixel: parameters to be distrusted
+  ambiguous          // other parameters explain the pixel as well: see `alternative`
 };
 
 // Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default:
@@ -33,6 +35,10 @@ struct FitResult {
   std::array<double, max_parameters> quadrature_errors{};
   // Strict upper triangle, row by row: (0,1), (0,2), …, (1,2), …
   std::array<double, max_parameters*(max_parameters - 1) / 2> correlation{};
+  // A second minimum whose chi^2 is above that of the first by less than 4; delta NaN: none was found, or not
+  // sought.
+  double alternative_delta_chi2 = 0.0;
+  std::array<double, max_parameters> alternative{};
   double virial_nn_nm = 0.0;   // 1/2 sum Re(F_i conj d_i) over the measured tones
   double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i) over the measured tones, 1e-15 W
 };

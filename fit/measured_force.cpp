@@ -56,6 +56,11 @@ bool MeasuredForce::contact() const {
   return chi2 > contact_threshold_;
 }
 
+bool MeasuredForce::misfit(double chi2_reduced, std::size_t parameters, double deviate) const {
+  const auto degrees = static_cast<double>(2 * forces_.size()) - static_cast<double>(parameters);
+  return noise_known_ && degrees > 0.0 && chi2_reduced * degrees > chi2_quantile(degrees, deviate);
+}
+
 double MeasuredForce::virial_nn_nm() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < forces_.size(); ++i) sum += 0.5 * (forces_[i] * std::conj(tip_nm_[i])).real();

@@ -30,6 +30,11 @@ class MeasuredForce {
   // and, for what noise leaves out, (1e-6 of the drive forces)^2: tones are extracted to 1e-6 of full scale.
   bool contact() const;
 
+  // Whether a reduced chi^2 with this many fitted parameters exceeds its mean by more than `deviate` standard
+  // deviations of the normal distribution. Without a noise model, or degrees of freedom, nothing is known:
+  // false.
+  bool misfit(double chi2_reduced, std::size_t parameters, double deviate) const;
+
   double virial_nn_nm() const;   // 1/2 sum Re(F_i conj d_i)
   double dissipated_fw() const;  // -1/2 sum w_i Im(F_i conj d_i)
 

@@ -1,5 +1,5 @@
-// The fit of one model: starts, solver, quadrature control, status. Compiled for each model; pixel_fitter.hpp
-// is the door.
+// The paper's fit of one model: starts, solver, quadrature control, status; with refinement, the starts of
+// what goes beyond it (refined_fit.hpp). Compiled for each model; pixel_fitter.hpp is the door.
 #pragma once
 
 #include <ceres/tiny_solver.h>
@@ -9,12 +9,14 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "fit/fit_result.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/measured_force.hpp"
+#include "fit/refined_fit.hpp"
 #include "fit/residuals.hpp"
 #include "fit/start_values.hpp"
 #include "fit/uncertainty.hpp"
@@ -27,7 +29,9 @@ class ModelFitter {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  ModelFitter(ForceBalance& balance, std::size_t tones, std::span<const Bounds> bounds)
+  // `harmonics`: null for the paper's fit; `refine`: iterations beyond it from each start.
+  ModelFitter(ForceBalance& balance, std::size_t tones, std::span<const Bounds> bounds,
+              const Harmonics* harmonics, std::uint32_t refine)
       : balance_(&balance),
         starts_(balance.motion()),
         residuals_(balance, tones),
@@ -41,23 +45,30 @@ class ModelFitter {
     x_.setZero();
     solver_.options.max_num_iterations = 0;
     solver_.Solve(residuals_, &x_);
+    if (harmonics != nullptr) refined_.emplace(*harmonics, refine);
   }
 
-  // The balance holds the motion. Fills everything of `result` but virial and power. `start`: empty to scan.
-  void fit(const MeasuredForce& measured, std::span<const double> weights, std::span<const double> start,
-           FitResult& result) {
+  // The balance holds the motion of these tones, nm. Fills everything of `result` but virial and power.
+  // `start`: empty to scan.
+  void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
+           std::span<const double> weights, std::span<const double> start, FitResult& result) {
     residuals_.set_measured(measured.phasors(), weights);
     bound_to_motion();
     balance_->reset();
     iterations_ = 0;
-    Parameters p;
+    std::array<Parameters, StartValues::most> minima;
+    std::size_t found = 1;
     if (start.empty())
-      p = best_of_starts(measured, weights);
+      found = minima_of_starts(measured, weights, minima);
     else
-      std::copy_n(start.begin(), p.size(), p.begin());
-    result = unfitted(FitStatus::not_converged, Model::parameters);
-    refine(p, measured, weights, result);
-    result.iterations = iterations_;
+      std::copy_n(start.begin(), minima[0].size(), minima[0].begin());
+    if (refined_) {
+      refined_->fit(measured, tones, weights, in_force_, std::span(minima).first(found), result);
+    } else {
+      result = unfitted(FitStatus::not_converged, Model::parameters);
+      refine(minima[0], measured, weights, result);
+    }
+    result.iterations += iterations_;
   }
 
   // E at p (paper, equation 9) with these weights, on the first quadrature that the next finer one confirms
@@ -101,20 +112,38 @@ class ModelFitter {
     residuals_.set_bounds(in_force_);
   }
 
-  Parameters best_of_starts(const MeasuredForce& measured, std::span<const double> weights) {
+  // Local minima of the paper's error, one for every start of the scan that leads to another one, least
+  // first; returns how many.
+  std::size_t minima_of_starts(const MeasuredForce& measured, std::span<const double> weights,
+                               std::span<Parameters, StartValues::most> minima) {
     std::array<Parameters, StartValues::most> starts;
+    std::array<double, StartValues::most> costs{};
     starts_.set_motion(balance_->motion());
     const std::size_t count = starts_.template scan<Model>(measured.phasors(), weights, in_force_, starts);
-    Parameters best = starts[0];
-    double least = std::numeric_limits<double>::infinity();
+    std::size_t found = 0;
     for (std::size_t i = 0; i < count; ++i) {
       Parameters p = starts[i];
       solve(p, 0, 30, 1e-4);
-      if (!(solver_.summary.final_cost < least)) continue;
-      least = solver_.summary.final_cost;
-      best = p;
+      const double cost = std::isfinite(solver_.summary.final_cost) ? solver_.summary.final_cost
+                                                                    : std::numeric_limits<double>::max();
+      if (std::any_of(minima.begin(), minima.begin() + found, [&](const auto& one) { return alike(one, p); }))
+        continue;
+      std::size_t place = found++;
+      for (; place > 0 && cost < costs[place - 1]; --place) {
+        costs[place] = costs[place - 1];
+        minima[place] = minima[place - 1];
+      }
+      costs[place] = cost;
+      minima[place] = p;
     }
-    return best;
+    return found;
+  }
+
+  // Closer than a polished start is to its minimum.
+  static bool alike(const Parameters& a, const Parameters& b) {
+    for (std::size_t k = 0; k < a.size(); ++k)
+      if (!(std::abs(a[k] - b[k]) <= (k == 0 ? 0.02 : 0.02 * std::abs(b[k])))) return false;
+    return true;
   }
 
   // Solves on quadrature `level` from p, which becomes the minimum found, until a step changes x, or E, by
@@ -204,6 +233,7 @@ class ModelFitter {
   Eigen::MatrixXd jacobian_;
   Eigen::VectorXd differences_, finer_;
   std::vector<Bounds> bounds_, in_force_;  // as set, and for this motion
+  std::optional<RefinedFit<Model>> refined_;
   std::uint32_t iterations_ = 0;
 };
 

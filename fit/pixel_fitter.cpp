@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "fit/force_balance.hpp"
+#include "fit/harmonics.hpp"
 #include "fit/measured_force.hpp"
 #include "fit/model_fitter.hpp"
 #include "fit/model_list.hpp"
@@ -96,9 +97,6 @@ void validate(const FitConditions& conditions) {
   const std::size_t tones = conditions.comb.tones.size();
   if (conditions.free_response) validate_free_response(*conditions.free_response, tones);
   if (conditions.noise) validate(*conditions.noise, tones);
-  if (conditions.settings.refine > 0)
-    throw std::invalid_argument(fmt::format("settings.refine: {}, must be 0 (the paper's partial motion)",
-                                            conditions.settings.refine));
   validate_bounds(conditions.settings);
   validate_weighting(conditions);
 }
@@ -111,13 +109,11 @@ class PixelFitter::State {
         refers_(conditions.free_response.has_value()),
         measured_(refers_ ? conditions : without_motion(conditions)),
         balance_(bins_of(conditions.comb)),
+        harmonics_(harmonics_of(conditions)),
         fitter_(make_fitter(conditions)),
-        weights_(tones_, 1.0),
+        weights_(weights_of(conditions, measured_)),
         ones_(tones_, 1.0),
-        last_(tones_) {
-    if (conditions.settings.weighting == Weighting::noise)
-      std::ranges::transform(measured_.variances(), weights_.begin(), [](double v) { return 1.0 / v; });
-  }
+        last_(tones_) {}
 
   void fit(std::span<const std::complex<double>> tip_nm, std::span<const double> start, FitResult& result) {
     const std::size_t count = model_->parameters.size();
@@ -137,7 +133,7 @@ class PixelFitter::State {
       result = unfitted(FitStatus::not_converged, count);
     } else {
       set_motion(tip_nm);
-      std::visit([&](auto& fitter) { fitter.fit(measured_, weights_, start, result); }, fitter_);
+      std::visit([&](auto& fitter) { fitter.fit(measured_, tip_nm, weights_, start, result); }, fitter_);
     }
     result.virial_nn_nm = measured_.virial_nn_nm();
     result.dissipated_fw = measured_.dissipated_fw();
@@ -164,8 +160,32 @@ class PixelFitter::State {
     return visit_model(*model_, [&](auto type) -> AnyModelFitter {
       // In place: the solver's workspace must not be copied before it is first used.
       return AnyModelFitter(std::in_place_type<ModelFitter<decltype(type)>>, balance_, tones_,
-                            bounds_of(conditions.settings));
+                            bounds_of(conditions.settings), harmonics_.get(), conditions.settings.refine);
     });
+  }
+
+  // By the noise where it is known; a refined fit without it weighs by the thermal forces' share, whatever
+  // the temperature.
+  static std::vector<double> weights_of(const FitConditions& conditions, const MeasuredForce& measured) {
+    std::vector<double> weights(conditions.comb.tones.size(), 1.0);
+    const bool known =
+        measured.noise_known() && std::ranges::all_of(measured.variances(), [](double v) { return v > 0.0; });
+    if (known && (conditions.settings.refine > 0 || conditions.settings.weighting == Weighting::noise))
+      std::ranges::transform(measured.variances(), weights.begin(), [](double v) { return 1.0 / v; });
+    else if (conditions.settings.refine > 0)
+      for (std::size_t i = 0; i < weights.size(); ++i)
+        weights[i] = 1.0 / tip_force_density(conditions.cantilever,
+                                             conditions.sample_rate_hz *
+                                                 static_cast<double>(conditions.comb.tones[i].bin) /
+                                                 static_cast<double>(conditions.comb.window_samples),
+                                             1.0);
+    return weights;
+  }
+
+  static std::unique_ptr<Harmonics> harmonics_of(const FitConditions& conditions) {
+    if (conditions.settings.refine == 0) return nullptr;
+    const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+    return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, delta_f_hz);
   }
 
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
@@ -185,6 +205,7 @@ class PixelFitter::State {
   bool refers_;
   MeasuredForce measured_;
   ForceBalance balance_;
+  std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
   AnyModelFitter fitter_;
   std::vector<double> weights_, ones_;
   std::vector<std::complex<double>> last_;  // tones of the motion in balance_; all 0 at first

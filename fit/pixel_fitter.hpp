@@ -1,5 +1,6 @@
 // From a pixel's tones to the parameters of a force model: the paper's method (equations 5 to 10) with a
-// quadrature whose error is estimated and bounded.
+// quadrature whose error is estimated and bounded, or beyond it, with the motion off the comb found too
+// (self_consistent.hpp), which removes the paper's bias.
 #pragma once
 
 #include <array>
@@ -30,9 +31,12 @@ struct ParameterBounds {
 
 struct FitSettings {
   std::string model = "dmt";
-  unsigned refine = 0;                    // 0: the paper's partial motion
-  Weighting weighting = Weighting::none;  // none: E as the paper has it (equation 9)
-  std::vector<ParameterBounds> bounds;    // override the model's own
+  unsigned refine =
+      0;  // 0: the paper's partial motion; else at most so many iterations beyond, from each start
+  // none: E as the paper has it (equation 9). A refined fit always weighs by the noise, or where none is
+  // known, by the share of thermal forces at each tone.
+  Weighting weighting = Weighting::none;
+  std::vector<ParameterBounds> bounds;  // override the model's own
 
   bool operator==(const FitSettings&) const = default;
 };

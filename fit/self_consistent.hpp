@@ -127,6 +127,23 @@ class SelfConsistentFit {
   const Eigen::VectorXd& residuals() const { return best_.residuals; }
   const Eigen::MatrixXd& jacobian() const { return best_.jacobian; }
 
+  // Of the last solution: by how much the next finer quadrature changes the model's phasors, nN, rows as
+  // above.
+  void refine_quadrature(const Parameters& p, std::size_t level, Eigen::VectorXd& change) {
+    spectrum_.set_motion(motion_);
+    spectrum_.template force<Model>(p.data(), level, force_);
+    for (std::size_t sign = 0; sign < 2; ++sign) {
+      if (sign == 1) spectrum_.template force<Model>(p.data(), level + 1, force_);
+      for (std::size_t i = 0; i < tones_.size(); ++i) {
+        const Complex force = force_[harmonics_->tones()[i]];
+        if (sign == 0) change(index(2 * i)) = change(index(2 * i + 1)) = 0.0;
+        const double weight = sign == 0 ? -1.0 : 1.0;
+        change(index(2 * i)) += weight * force.real();
+        change(index(2 * i + 1)) += weight * force.imag();
+      }
+    }
+  }
+
  private:
   using Coordinates = Eigen::Matrix<double, count, 1>;
   using Spectrum = ForceSpectrum::Spectrum;

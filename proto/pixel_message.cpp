@@ -12,9 +12,9 @@
 namespace combforce {
 namespace {
 
-constexpr std::array<std::string_view, 8> status_names = {
-    "converged",  "not_converged",    "at_bound",   "ill_conditioned",
-    "no_contact", "no_free_response", "not_fitted", "flagged"};
+constexpr std::array<std::string_view, 10> status_names = {
+    "converged",        "not_converged", "at_bound", "ill_conditioned", "no_contact",
+    "no_free_response", "not_fitted",    "flagged",  "misfit",          "ambiguous"};
 
 constexpr std::array<std::pair<PixelFlag, std::string_view>, 6> all_flags = {
     {{PixelFlag::gap, "gap"},
@@ -123,6 +123,13 @@ void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit) 
     out += '[';
     append_list(out, correlation, [&](double value) { append_number(out, value); });
     out += ']';
+  }
+  if (std::isfinite(fit.alternative_delta_chi2)) {
+    out += R"(,"alternative":{"delta_chi2":)";
+    append_number(out, fit.alternative_delta_chi2);
+    out += R"(,"parameters":)";
+    append_by_parameter(out, *model, {fit.alternative.data(), count});
+    out += '}';
   }
   out += R"(,"virial_nn_nm":)";
   append_number(out, fit.virial_nn_nm);

@@ -20,7 +20,7 @@ void read_values(const JsonView& object, std::vector<NamedValue>& values) {
 }
 
 FitStatus read_status(const JsonView& status) {
-  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FitStatus::flagged); ++i) {
+  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FitStatus::ambiguous); ++i) {
     if (status.json() == to_string(static_cast<FitStatus>(i))) return static_cast<FitStatus>(i);
   }
   status.fail("is no status of this protocol");

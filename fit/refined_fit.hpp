@@ -1,0 +1,128 @@
+// The fit beyond the paper, from starts to status: self_consistent.hpp from every start that the partial
+// motion offers, the best of the solutions, its uncertainty, and whether another one explains the pixel as
+// well.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <span>
+
+#include "fit/fit_result.hpp"
+#include "fit/measured_force.hpp"
+#include "fit/self_consistent.hpp"
+#include "fit/uncertainty.hpp"
+
+namespace combforce {
+
+// Thread-bound. Only the constructor allocates.
+template <typename Model>
+class RefinedFit {
+ public:
+  using Parameters = std::array<double, Model::parameters>;
+
+  // `most`: iterations from each start, at least 1. `harmonics` outlives the fit.
+  RefinedFit(const Harmonics& harmonics, std::uint32_t most)
+      : fit_(harmonics),
+        most_(most),
+        rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
+        jacobian_(rows_, Model::parameters),
+        residuals_(rows_),
+        shift_(rows_) {}
+
+  // Fills everything of `result` but virial and power. `starts`: best first, at least one; `tones`, nm, and
+  // `weights` of squared residuals, one a tone each.
+  void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
+           std::span<const double> weights, std::span<const Bounds> bounds,
+           std::span<const Parameters> starts, FitResult& result) {
+    result = unfitted(FitStatus::not_converged, Model::parameters);
+    fit_.set_bounds(bounds);
+    fit_.set_measured(tones, measured.phasors(), weights);
+    Solution best, other;
+    for (const Parameters& start : starts) {
+      const Solution solution = fit_.solve(start, quadrature_level, most_);
+      result.iterations += solution.iterations;
+      if (!better(solution, best)) {
+        if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
+        continue;
+      }
+      if (best.converged && !same(solution, best)) other = best;
+      best = solution;
+      keep_linearization();
+      estimate_quadrature_error(weights, best, result);
+    }
+    result.refinements = best.iterations;
+    std::ranges::copy(best.p, result.parameters.begin());
+    const Linearization at{jacobian_, weights, fixed(best)};
+    const bool determined =
+        estimate_uncertainty(at, residuals_, measured.variances(), measured.noise_known(), result);
+    result.status = status(measured, best, determined, result);
+    // Costs are chi^2 when the weights come from noise.
+    if (!measured.noise_known() || !other.converged || !(other.cost < best.cost + indistinguishable)) return;
+    result.alternative_delta_chi2 = other.cost - best.cost;
+    std::ranges::copy(other.p, result.alternative.begin());
+    if (result.status == FitStatus::converged || result.status == FitStatus::ill_conditioned)
+      result.status = FitStatus::ambiguous;
+  }
+
+ private:
+  using Solution = typename SelfConsistentFit<Model>::Solution;
+
+  static constexpr std::size_t quadrature_level = 1;
+  static constexpr double indistinguishable = 4.0;  // of chi^2: two standard deviations
+  static constexpr double misfit_deviate =
+      4.0;  // standard deviations: one good pixel in 30,000 is called a misfit
+  static constexpr double ill_conditioned_error = 0.3;        // relative standard error
+  static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
+
+  static bool better(const Solution& a, const Solution& b) {
+    return a.converged != b.converged ? a.converged : a.cost < b.cost;
+  }
+  static bool same(const Solution& a, const Solution& b) {
+    for (std::size_t k = 0; k < Model::parameters; ++k)
+      if (!(std::abs(a.p[k] - b.p[k]) <= (k == 0 ? same_nm : same_share * std::abs(b.p[k])))) return false;
+    return true;
+  }
+  static std::array<bool, max_parameters> fixed(const Solution& solution) {
+    std::array<bool, max_parameters> result{};
+    std::ranges::copy(solution.fixed, result.begin());
+    return result;
+  }
+
+  void keep_linearization() {
+    jacobian_ = fit_.jacobian();
+    residuals_ = fit_.residuals();
+  }
+
+  // How far the solution moves on the next finer quadrature.
+  void estimate_quadrature_error(std::span<const double> weights, const Solution& solution,
+                                 FitResult& result) {
+    fit_.refine_quadrature(solution.p, quadrature_level, shift_);
+    result.quadrature_errors = minimum_shift(Linearization{jacobian_, weights, fixed(solution)}, shift_);
+  }
+
+  static FitStatus status(const MeasuredForce& measured, const Solution& best, bool determined,
+                          const FitResult& result) {
+    if (!best.converged) return FitStatus::not_converged;
+    if (measured.misfit(result.chi2_reduced, count_free(best), misfit_deviate)) return FitStatus::misfit;
+    if (std::ranges::find(best.fixed, true) != best.fixed.end()) return FitStatus::at_bound;
+    if (!determined) return FitStatus::ill_conditioned;
+    for (std::size_t k = 1; k < Model::parameters; ++k)
+      if (result.std_errors[k] > ill_conditioned_error * std::abs(best.p[k]))
+        return FitStatus::ill_conditioned;
+    return FitStatus::converged;
+  }
+  static std::size_t count_free(const Solution& solution) {
+    return static_cast<std::size_t>(std::ranges::count(solution.fixed, false));
+  }
+
+  SelfConsistentFit<Model> fit_;
+  std::uint32_t most_;
+  Eigen::Index rows_;
+  Eigen::MatrixXd jacobian_;
+  Eigen::VectorXd residuals_, shift_;
+};
+
+}  // namespace combforce
