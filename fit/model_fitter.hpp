@@ -63,7 +63,10 @@ class ModelFitter {
     else
       std::copy_n(start.begin(), minima[0].size(), minima[0].begin());
     if (refined_) {
-      refined_->fit(measured, tones, weights, in_force_, std::span(minima).first(found), result);
+      std::array<Parameters, StartValues::dispersed_depths> further;
+      if (start.empty()) starts_.template dispersed<Model>(measured.phasors(), weights, in_force_, further);
+      refined_->fit(measured, tones, weights, in_force_, std::span(minima).first(found),
+                    std::span(further).first(start.empty() ? further.size() : 0), result);
     } else {
       result = unfitted(FitStatus::not_converged, Model::parameters);
       refine(minima[0], measured, weights, result);

@@ -32,32 +32,25 @@ class RefinedFit {
         residuals_(rows_),
         shift_(rows_) {}
 
-  // Fills everything of `result` but virial and power. `starts`: best first, at least one; `tones`, nm, and
-  // `weights` of squared residuals, one a tone each.
+  // Fills everything of `result` but virial and power. `starts`: best first, at least one, all tried;
+  // `further`: tried until one explains the pixel when none of `starts` does. `tones`, nm, and `weights` of
+  // squared residuals: one a tone each.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
            std::span<const double> weights, std::span<const Bounds> bounds,
-           std::span<const Parameters> starts, FitResult& result) {
+           std::span<const Parameters> starts, std::span<const Parameters> further, FitResult& result) {
     result = unfitted(FitStatus::not_converged, Model::parameters);
     fit_.set_bounds(bounds);
     fit_.set_measured(tones, measured.phasors(), weights);
     Solution best, other;
-    for (const Parameters& start : starts) {
-      const Solution solution = fit_.solve(start, quadrature_level, most_);
-      result.iterations += solution.iterations;
-      if (!better(solution, best)) {
-        if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
-        continue;
-      }
-      if (best.converged && !same(solution, best)) other = best;
-      best = solution;
-      keep_linearization();
-      estimate_quadrature_error(weights, best, result);
+    for (const Parameters& start : starts) try_start(start, weights, best, other, result);
+    for (const Parameters& start : further)
+      if (!explains(measured, best)) try_start(start, weights, best, other, result);
+    bool determined = estimate(measured, weights, best, result);
+    if (best.converged && weak(best, result)) {
+      for (const double sign : {1.0, -1.0})
+        try_start(along_trench(best, sign, result), weights, best, other, result);
+      determined = estimate(measured, weights, best, result);
     }
-    result.refinements = best.iterations;
-    std::ranges::copy(best.p, result.parameters.begin());
-    const Linearization at{jacobian_, weights, fixed(best)};
-    const bool determined =
-        estimate_uncertainty(at, residuals_, measured.variances(), measured.noise_known(), result);
     result.status = status(measured, best, determined, result);
     // Costs are chi^2 when the weights come from noise.
     if (!measured.noise_known() || !other.converged || !(other.cost < best.cost + indistinguishable)) return;
@@ -74,8 +67,67 @@ class RefinedFit {
   static constexpr double indistinguishable = 4.0;  // of chi^2: two standard deviations
   static constexpr double misfit_deviate =
       4.0;  // standard deviations: one good pixel in 30,000 is called a misfit
-  static constexpr double ill_conditioned_error = 0.3;        // relative standard error
+  static constexpr double ill_conditioned_error = 0.3;  // relative standard error
+  static constexpr double weak_error = 0.15;  // relative standard error from which second minima are sought
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
+
+  void try_start(const Parameters& start, std::span<const double> weights, Solution& best, Solution& other,
+                 FitResult& result) {
+    const Solution solution = fit_.solve(start, quadrature_level, most_);
+    result.iterations += solution.iterations;
+    if (!better(solution, best)) {
+      if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
+      return;
+    }
+    if (best.converged && !same(solution, best)) other = best;
+    best = solution;
+    keep_linearization();
+    estimate_quadrature_error(weights, best, result);
+  }
+
+  bool estimate(const MeasuredForce& measured, std::span<const double> weights, const Solution& best,
+                FitResult& result) const {
+    result.refinements = best.iterations;
+    std::ranges::copy(best.p, result.parameters.begin());
+    return estimate_uncertainty(Linearization{jacobian_, weights, fixed(best)}, residuals_,
+                                measured.variances(), measured.noise_known(), result);
+  }
+
+  // Second minima lie along the trench of weakly determined pixels. Starts there: a standard error away along
+  // the parameter that is known worst, the others following it by their correlation.
+  static std::size_t worst(const Solution& best, const FitResult& result) {
+    std::size_t index = 0;
+    for (std::size_t k = 1; k < Model::parameters; ++k)
+      if (index == 0 ||
+          result.std_errors[k] * std::abs(best.p[index]) > result.std_errors[index] * std::abs(best.p[k]))
+        index = k;
+    return index;
+  }
+  static bool weak(const Solution& best, const FitResult& result) {
+    const std::size_t k = worst(best, result);
+    return result.std_errors[k] > weak_error * std::abs(best.p[k]);
+  }
+  static Parameters along_trench(const Solution& best, double sign, const FitResult& result) {
+    const std::size_t k = worst(best, result);
+    const double length = std::min(1.0, 0.5 * std::abs(best.p[k]) / result.std_errors[k]);
+    Parameters start = best.p;
+    std::size_t pair = 0;
+    for (std::size_t i = 0; i < Model::parameters; ++i)
+      for (std::size_t j = i + 1; j < Model::parameters; ++j, ++pair) {
+        const std::size_t follower = i == k ? j : i;
+        if ((i == k || j == k) && std::isfinite(result.correlation[pair]))
+          start[follower] += sign * length * result.correlation[pair] * result.std_errors[follower];
+      }
+    start[k] += sign * length * result.std_errors[k];
+    return start;
+  }
+
+  // Converged inside the bounds, with a plausible chi^2 where the noise is known.
+  bool explains(const MeasuredForce& measured, const Solution& solution) const {
+    const auto degrees = static_cast<double>(rows_) - static_cast<double>(Model::parameters);
+    return solution.converged && count_free(solution) == Model::parameters &&
+           !measured.misfit(solution.cost / degrees, Model::parameters, misfit_deviate);
+  }
 
   static bool better(const Solution& a, const Solution& b) {
     return a.converged != b.converged ? a.converged : a.cost < b.cost;

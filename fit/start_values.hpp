@@ -42,6 +42,14 @@ class StartValues {
                    std::span<const Bounds> bounds,
                    std::span<std::array<double, Model::parameters>, most> starts);
 
+  // Starts all over the plausible: `dispersed_depths` depths from 0.5 % to half of the motion's span with the
+  // model's middle shape each, deepest last. For a fit that has gone astray from those of the scan.
+  static constexpr std::size_t dispersed_depths = 10;
+  template <typename Model>
+  void dispersed(std::span<const std::complex<double>> forces, std::span<const double> weights,
+                 std::span<const Bounds> bounds,
+                 std::span<std::array<double, Model::parameters>, dispersed_depths> starts);
+
  private:
   static constexpr std::size_t bins = 640;
   static constexpr double worth_a_look = 1e3;
@@ -164,6 +172,17 @@ std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std:
   for (const auto& one : best)
     if (one.error < 10.0 * best[0].error + doubt * nothing) starts[count++] = one.p;
   return count;
+}
+
+template <typename Model>
+void StartValues::dispersed(std::span<const std::complex<double>> forces, std::span<const double> weights,
+                            std::span<const Bounds> bounds,
+                            std::span<std::array<double, Model::parameters>, dispersed_depths> starts) {
+  const auto& middle = Model::shapes[Model::shapes.size() / 2];
+  for (std::size_t i = 0; i < dispersed_depths; ++i) {
+    const double depth = span_ * 5e-3 * std::pow(100.0, static_cast<double>(i) / (dispersed_depths - 1));
+    starts[i] = candidate<Model>(middle, lowest_ + depth, forces, weights, bounds).p;
+  }
 }
 
 // The best of the model's shapes first … last - 1, then of the parabola through it and its neighbours (in the
