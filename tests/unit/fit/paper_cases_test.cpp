@@ -8,31 +8,18 @@
 
 #include "fit/pixel_fitter.hpp"
 #include "tests/support/failing_allocator.hpp"
+#include "tests/unit/fit/paper_cantilever.hpp"
 
 namespace combforce {
 namespace {
 
-using Phasors = std::vector<std::complex<double>>;
-
-// The paper's cantilever (table 1) at Delta f = 500 Hz.
-FitConditions paper_conditions(const std::string& model, std::vector<Tone> tones, Phasors free_nm) {
-  FitConditions conditions;
-  conditions.sample_rate_hz = 200e6;
-  conditions.comb = {400000, std::move(tones)};
-  conditions.cantilever.modes = {{117e3, 212.0, 4.0, 1.0},
-                                 {674e3, 457.0, 78.5, 1.0},
-                                 {1758e3, 507.0, 366.0, 1.0},
-                                 {3235e3, 600.0, 1330.0, 1.0}};
-  conditions.free_response = FreeResponse{0, 1, std::move(free_nm), std::nullopt};
-  conditions.noise = Noise{300.0, {0.0}};
-  conditions.settings.model = model;
-  return conditions;
-}
+using test::paper_conditions;
+using test::Phasors;
 
 // dmt_4tone_equal_energy to 0.01 pm: a plausible pixel where the cases are absent.
 FitConditions dmt_conditions() {
   return paper_conditions(
-      "dmt", {{234, true}, {1348, true}, {3516, true}, {6470, true}},
+      "dmt", {234, 1348, 3516, 6470},
       {{0.011328, -36.098069}, {-0.005289, -8.148526}, {-0.006103, -3.773748}, {-0.008998, -1.979628}});
 }
 const Phasors dmt_tones{{3.78142225, -35.81807415},
@@ -53,9 +40,7 @@ TEST(PaperCases, PartialFitIsTheMinimumThatThePrototypeFound) {
   ASSERT_EQ(cases.size(), 5U);
   for (const auto& one : cases) {
     const std::string name = one["name"];
-    std::vector<Tone> tones;
-    for (const std::uint64_t bin : one["bins"]) tones.push_back({bin, true});
-    PixelFitter fitter(paper_conditions(one["model"], tones, phasors(one["free_nm"])));
+    PixelFitter fitter(paper_conditions(one["model"], one["bins"], phasors(one["free_nm"])));
     FitResult result;
     fitter.fit(phasors(one["engaged_nm"]), result);
     // DMT at equal amplitude is ill-conditioned: the prototype's own quadrature is good to 0.005 nm and 0.3 %

@@ -1,0 +1,182 @@
+// Every model of the list: the terms that fits integrate against the formula, its automatic derivative and
+// finite differences; the formulas against the paper's; look-up by name.
+#include "fit/force_model.hpp"
+
+#include <ceres/jet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "fit/model_list.hpp"
+
+namespace combforce {
+namespace {
+
+template <typename Tuple>
+struct TypesOf;
+template <typename... Models>
+struct TypesOf<std::tuple<Models...>> {
+  using Types = testing::Types<Models...>;
+};
+
+template <typename Model>
+class EveryModel : public testing::Test {
+ protected:
+  static constexpr std::size_t count = Model::parameters;
+  using Parameters = std::array<double, count>;
+
+  // Strengths and lengths over four decades about 1, within their bounds.
+  Parameters parameters() {
+    Parameters p;
+    for (std::size_t k = 0; k < count; ++k) {
+      const ParameterInfo& info = Model::info[k];
+      p[k] = info.lower > 0.0 ? std::clamp(exponential(1e-2, 1e2), info.lower, info.upper)
+                              : uniform(-50.0, 50.0);
+    }
+    return p;
+  }
+  double distance_nm() { return exponential(1e-3, 1e2); }  // from the surface
+
+  // F and its derivatives as fits put them together from the model's terms.
+  static std::array<double, 1 + count> by_terms(const Parameters& p, double d) {
+    if (d <= p[0]) return sum(p, Model::contact_terms, Model::contact(p.data(), p[0] - d));
+    if constexpr (Model::tail_terms.empty())
+      return {};
+    else
+      return sum(p, Model::tail_terms, Model::tail(p.data(), d - p[0]));
+  }
+
+  std::mt19937 random_{7};
+
+ private:
+  double uniform(double low, double high) { return std::uniform_real_distribution(low, high)(random_); }
+  double exponential(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
+
+  template <std::size_t Terms>
+  static std::array<double, 1 + count> sum(const Parameters& p, const std::array<ModelTerm, Terms>& terms,
+                                           const std::array<double, Terms>& values) {
+    std::array<double, 1 + count> result{};
+    for (std::size_t j = 0; j < Terms; ++j) {
+      const auto [linear, derivative] = terms[j];
+      if (derivative == value_of_term) {
+        result[0] += p[linear] * values[j];
+        result[1 + linear] += values[j];
+      } else {
+        result[1 + derivative] += p[linear] * values[j];
+      }
+    }
+    return result;
+  }
+};
+TYPED_TEST_SUITE(EveryModel, TypesOf<ForceModels>::Types);
+
+TYPED_TEST(EveryModel, TermsAddUpToTheForceAndItsAutomaticDerivatives) {
+  using Jet = ceres::Jet<double, static_cast<int>(TypeParam::parameters)>;
+  for (int i = 0; i < 2000; ++i) {
+    const auto p = this->parameters();
+    const double distance = this->distance_nm(), d = p[0] + (i % 2 == 0 ? distance : -distance);
+    std::array<Jet, TypeParam::parameters> jets;
+    for (std::size_t k = 0; k < this->count; ++k) jets[k] = Jet(p[k], static_cast<int>(k));
+    const Jet expected = TypeParam::force(jets.data(), Jet(d));
+    const auto terms = this->by_terms(p, d);
+    // Rounding: p0 - d loses 1e-14 nm of |p0| <= 50 nm, that is 1e-11 of the least distance; adhesion and
+    // contact may cancel, hence the scale.
+    const double scale = std::abs(expected.a) + std::abs(p[this->count - 2]) + std::abs(p[1]);
+    EXPECT_NEAR(terms[0], expected.a, 1e-10 * scale);
+    for (std::size_t k = 0; k < this->count; ++k)
+      EXPECT_NEAR(terms[1 + k], expected.v[static_cast<int>(k)],
+                  1e-10 * (scale + std::abs(expected.v[static_cast<int>(k)])))
+          << "p" << k << " at distance " << d - p[0];
+  }
+}
+
+TYPED_TEST(EveryModel, DerivativesAreFiniteDifferences) {
+  for (int i = 0; i < 2000; ++i) {
+    const auto p = this->parameters();
+    const double distance = this->distance_nm(), d = p[0] + (i % 2 == 0 ? distance : -distance);
+    const auto terms = this->by_terms(p, d);
+    for (std::size_t k = 0; k < this->count; ++k) {
+      // Steps a hundredth of the scale on which the force changes, which never cross the surface.
+      const double step = 1e-2 * (k == 0 ? distance : std::min(p[k], 1.0 + distance));
+      const auto shifted = [&](double steps) {
+        auto q = p;
+        q[k] += steps * step;
+        return TypeParam::force(q.data(), d);
+      };
+      const double difference =
+          (8.0 * (shifted(1.0) - shifted(-1.0)) - (shifted(2.0) - shifted(-2.0))) / (12.0 * step);
+      // Fourth order: (1e-2)^4 times a few, and rounding of F by 1e-15 (1e-11 by p0 - d) over the step.
+      const double largest = std::max({std::abs(shifted(-2.0)), std::abs(shifted(2.0)), p[this->count - 2]});
+      EXPECT_NEAR(terms[1 + k], difference, 1e-7 * std::abs(difference) + 1e-8 * largest / step)
+          << "p" << k << " at distance " << d - p[0];
+    }
+  }
+}
+
+// A side of the surface on which a model lists no term has no force.
+TYPED_TEST(EveryModel, IsContinuousAtTheSurface) {
+  for (int i = 0; i < 100; ++i) {
+    auto p = this->parameters();
+    p[0] = 0.0;
+    const double above = TypeParam::force(p.data(), 1e-9), below = TypeParam::force(p.data(), -1e-9);
+    // Slopes of at most 2 p2/p3 <= 2e4 nN/nm over 2e-9 nm.
+    EXPECT_NEAR(above, below, 1e-4 * (1.0 + std::abs(above)));
+    if (TypeParam::tail_terms.empty()) {
+      EXPECT_EQ(above, 0.0);
+    }
+  }
+}
+
+TEST(Hertz, IsThePapersEquation15) {
+  const std::array<double, 2> p{-40.0, 1.5};
+  EXPECT_DOUBLE_EQ(Hertz::force(p.data(), -44.0), 1.5 * 8.0);
+  EXPECT_EQ(Hertz::force(p.data(), -39.0), 0.0);
+  EXPECT_EQ(Hertz::force(p.data(), -40.0), 0.0);
+}
+
+TEST(Dmt, IsThePapersEquation16) {
+  const std::array<double, 4> p{-40.0, 1.5, 5.0, 0.5};
+  EXPECT_DOUBLE_EQ(Dmt::force(p.data(), -44.0), -5.0 + 1.5 * 8.0);
+  EXPECT_DOUBLE_EQ(Dmt::force(p.data(), -40.0), -5.0);
+  EXPECT_DOUBLE_EQ(Dmt::force(p.data(), -39.5), -5.0 / 4.0);
+  EXPECT_DOUBLE_EQ(Dmt::force(p.data(), -38.5), -5.0 / 16.0);
+  EXPECT_DOUBLE_EQ(Dmt::tail_length(p.data()), 0.5);
+}
+
+TEST(ForceModels, AreFoundByNameAndDescribeThemselves) {
+  for (const ModelInfo& info : force_models()) {
+    EXPECT_EQ(&find_model(info.name), &info);
+    EXPECT_FALSE(info.formula.empty());
+    EXPECT_FALSE(info.source.empty());
+    ASSERT_FALSE(info.parameters.empty());
+    EXPECT_EQ(info.parameters[0].name, "surface_position_nm");
+    for (const ParameterInfo& parameter : info.parameters) {
+      EXPECT_LT(parameter.lower, parameter.upper) << parameter.name;
+      EXPECT_GT(parameter.scale, 0.0) << parameter.name;
+    }
+  }
+}
+
+TEST(ForceModels, ForceByNameIsTheModels) {
+  const std::array<double, 4> p{-40.0, 1.5, 5.0, 0.5};
+  EXPECT_EQ(model_force(find_model("dmt"), p, -38.5), Dmt::force(p.data(), -38.5));
+  EXPECT_EQ(model_force(find_model("hertz"), std::span(p).first(2), -44.0), Hertz::force(p.data(), -44.0));
+}
+
+TEST(ForceModels, WrongNamesAndCountsAreNamed) {
+  using testing::AllOf;
+  using testing::HasSubstr;
+  EXPECT_THAT([] { find_model("herz"); }, testing::ThrowsMessage<std::invalid_argument>(AllOf(
+                                              HasSubstr("herz"), HasSubstr("hertz"), HasSubstr("dmt"))));
+  const std::array<double, 3> three{};
+  EXPECT_THAT(
+      [&] { model_force(find_model("dmt"), three, 0.0); },
+      testing::ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("3"), HasSubstr("dmt"), HasSubstr("4"))));
+}
+
+}  // namespace
+}  // namespace combforce

@@ -1,0 +1,111 @@
+// Pixels at which the paper's error E is exactly 0 at known parameters: motions drawn about those of the
+// paper, forces of a model along the partial motion by reference_force.hpp, and the free response that
+// belongs to both.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <random>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "fit/dmt.hpp"
+#include "fit/hertz.hpp"
+#include "tests/unit/fit/paper_cantilever.hpp"
+#include "tests/unit/fit/reference_force.hpp"
+
+namespace combforce::test {
+
+struct ModelPixel {
+  FitConditions conditions;
+  Phasors tip_nm;
+  std::vector<double> truth;
+};
+
+// F = chi^-1 (d - d_free): the free response from which these forces lead to these tones.
+inline Phasors free_response_of(const FitConditions& conditions, const Phasors& tip_nm,
+                                const Phasors& forces) {
+  Phasors free_nm = tip_nm;
+  const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+  for (std::size_t i = 0; i < free_nm.size(); ++i)
+    free_nm[i] -=
+        tip_response(conditions.cantilever, static_cast<double>(conditions.comb.tones[i].bin) * delta_f_hz) *
+        forces[i];
+  return free_nm;
+}
+
+template <typename Model>
+ModelPixel pixel_of(const std::vector<std::uint64_t>& bins, Phasors tip_nm, std::vector<double> truth) {
+  const Phasors forces = reference_phasors<Model>(ReferenceMotion(bins, tip_nm), truth);
+  FitConditions conditions = paper_conditions(std::string(Model::model.name), bins, {});
+  conditions.free_response->mean_nm = free_response_of(conditions, tip_nm, forces);
+  return {std::move(conditions), std::move(tip_nm), std::move(truth)};
+}
+
+// Draws pixels one after the other; pixel n of a seed is the same on every machine (mt19937_64 and our own
+// scaling: the standard's distributions are not).
+class RandomPixels {
+ public:
+  explicit RandomPixels(std::uint64_t seed) : engine_(seed) {}
+
+  // The paper's four drive tones, amplitudes between equal energy and equal amplitude.
+  ModelPixel dmt() {
+    const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
+    const std::vector<double> stiffnesses{4.0, 78.5, 366.0, 1330.0};
+    Phasors tones = draw_tones(stiffnesses);
+    std::vector<double> truth{uniform(-43.0, -37.0), uniform(0.4, 2.5), uniform(2.0, 9.0),
+                              uniform(0.35, 0.8)};
+    return pixel_of<Dmt>(bins, std::move(tones), std::move(truth));
+  }
+
+  ModelPixel hertz() {
+    const std::vector<std::uint64_t> bins{234, 1348};
+    const std::vector<double> stiffnesses{4.0, 78.5};
+    Phasors tones = draw_tones(stiffnesses);
+    std::vector<double> truth{uniform(-43.0, -37.0), uniform(0.4, 2.5)};
+    return pixel_of<Hertz>(bins, std::move(tones), std::move(truth));
+  }
+
+  // Two drive tones in the first mode's resonance and the products that contact makes of them, as many tones
+  // as asked for about 117 kHz, weaker and weaker away from the drive.
+  template <typename Model>
+  ModelPixel intermodulation(std::size_t count) {
+    std::vector<std::uint64_t> bins;
+    Phasors tones;
+    const double centre = 0.5 * static_cast<double>(count - 1);
+    for (std::size_t i = 0; i < count; ++i) {
+      bins.push_back(234 - count / 2 + i);
+      const double away = std::abs(static_cast<double>(i) - centre);
+      const double amplitude_nm = away < 1.0 ? 12.0 : 0.8 * std::pow(0.85, away) * uniform(0.5, 1.0);
+      tones.push_back(std::polar(amplitude_nm, uniform(-std::numbers::pi, std::numbers::pi)));
+    }
+    const double lowest_nm = ReferenceMotion(bins, tones).lowest_nm();
+    std::vector<double> truth{lowest_nm + uniform(1.5, 6.0), uniform(0.4, 2.5), uniform(2.0, 9.0),
+                              uniform(0.35, 0.8)};
+    truth.resize(Model::parameters);
+    return pixel_of<Model>(bins, std::move(tones), std::move(truth));
+  }
+
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
+
+ private:
+  // Any phases; a sum of amplitudes of 46 to 50 nm, as contact leaves of the paper's 50.
+  Phasors draw_tones(const std::vector<double>& stiffnesses) {
+    const double exponent = uniform(-0.5, 0.0), total = uniform(46.0, 50.0);
+    double sum = 0.0;
+    for (const double stiffness : stiffnesses) sum += std::pow(stiffness, exponent);
+    Phasors tones;
+    for (const double stiffness : stiffnesses)
+      tones.push_back(std::polar(total * std::pow(stiffness, exponent) / sum,
+                                 uniform(-std::numbers::pi, std::numbers::pi)));
+    return tones;
+  }
+
+  std::mt19937_64 engine_;
+};
+
+}  // namespace combforce::test

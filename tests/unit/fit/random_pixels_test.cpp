@@ -1,0 +1,104 @@
+// Random pixels that a model explains exactly: a fit gives the truth or says by its status that it may not.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "tests/unit/fit/random_pixel.hpp"
+
+namespace combforce::test {
+namespace {
+
+// Largest error of a parameter: of its value, p0 of 1 nm.
+double worst_error(const ModelPixel& pixel, const FitResult& result) {
+  double worst = 0.0;
+  for (std::size_t k = 0; k < pixel.truth.size(); ++k)
+    worst = std::max(
+        worst, std::abs(result.parameters[k] - pixel.truth[k]) / (k == 0 ? 1.0 : std::abs(pixel.truth[k])));
+  return worst;
+}
+
+struct Tally {
+  std::map<FitStatus, std::vector<double>> errors;
+  std::vector<int> wrong;  // converged pixels that missed
+
+  static constexpr double miss = 1e-4;  // ten times what the fitter's own aims allow, of the least of p0's
+
+  void add(int pixel, const FitResult& result, double error) {
+    errors[result.status].push_back(error);
+    if (result.status == FitStatus::converged && !(error < miss)) wrong.push_back(pixel);
+  }
+  std::size_t count(FitStatus status) const { return errors.contains(status) ? errors.at(status).size() : 0; }
+
+  void report() {
+    for (auto& [status, list] : errors) {
+      std::ranges::sort(list);
+      fmt::print("status {}: {} pixels, error median {:.1e}, 95 % {:.1e}, greatest {:.1e}, {} missed\n",
+                 static_cast<int>(status), list.size(), list[list.size() / 2], list[list.size() * 95 / 100],
+                 list.back(), std::ranges::count_if(list, [](double e) { return !(e < miss); }));
+    }
+    fmt::print("converged but wrong:");
+    for (const int pixel : wrong) fmt::print(" {}", pixel);
+    fmt::print("\n");
+  }
+};
+
+Tally fit_all(int pixels, const std::function<ModelPixel()>& draw) {
+  Tally tally;
+  for (int i = 0; i < pixels; ++i) {
+    const ModelPixel pixel = draw();
+    PixelFitter fitter(pixel.conditions);
+    FitResult result;
+    fitter.fit(pixel.tip_nm, result);
+    tally.add(i, result, worst_error(pixel, result));
+  }
+  tally.report();
+  return tally;
+}
+
+#ifdef COMBFORCE_SLOW
+constexpr int pixels = 1000;
+constexpr std::uint64_t seeds = 90001;  // held out: nothing was looked at, or chosen, with these
+#else
+constexpr int pixels = 60;
+constexpr std::uint64_t seeds = 1;
+#endif
+
+TEST(RandomPixels, HertzAtTwoTonesGivesTheTruth) {
+  RandomPixels draw(seeds);
+  const Tally tally = fit_all(pixels, [&] { return draw.hertz(); });
+  EXPECT_TRUE(tally.wrong.empty());
+  EXPECT_EQ(tally.count(FitStatus::not_converged), 0U);
+  // Of the draws nine in ten determine both parameters to 30 %.
+  EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.7 * pixels));
+}
+
+TEST(RandomPixels, DmtAtFourTonesGivesTheTruthOrSaysSo) {
+  RandomPixels draw(seeds);
+  const Tally tally = fit_all(pixels, [&] { return draw.dmt(); });
+  EXPECT_TRUE(tally.wrong.empty());
+  EXPECT_LE(tally.count(FitStatus::not_converged), static_cast<std::size_t>(0.01 * pixels));
+}
+
+// Four tones measured for seconds: noise so low that every parameter is determined.
+TEST(RandomPixels, DmtWithoutANoiseModelGivesTheTruth) {
+  RandomPixels draw(seeds + 1);
+  const Tally tally = fit_all(pixels, [&] {
+    ModelPixel pixel = draw.dmt();
+    pixel.conditions.noise.reset();
+    return pixel;
+  });
+  EXPECT_TRUE(tally.wrong.empty());
+}
+
+TEST(RandomPixels, IntermodulationAroundOneModeGivesTheTruth) {
+  RandomPixels draw(seeds + 2);
+  const Tally tally = fit_all(pixels, [&] { return draw.intermodulation<Dmt>(12); });
+  EXPECT_TRUE(tally.wrong.empty());
+}
+
+}  // namespace
+}  // namespace combforce::test

@@ -1,0 +1,123 @@
+#include "tests/unit/fit/reference_force.hpp"
+
+#include <boost/math/quadrature/gauss_kronrod.hpp>
+#include <boost/math/tools/roots.hpp>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+namespace combforce::test {
+namespace {
+
+using Kronrod = boost::math::quadrature::gauss_kronrod<double, 15>;
+using Gauss = boost::math::quadrature::gauss<double, 7>;
+
+template <typename Function>
+double root(const Function& function, double a, double b) {
+  const auto bracket =
+      boost::math::tools::bisect(function, a, b, boost::math::tools::eps_tolerance<double>(50));
+  return 0.5 * (bracket.first + bracket.second);
+}
+
+}  // namespace
+
+ReferenceMotion::ReferenceMotion(std::span<const std::uint64_t> bins,
+                                 std::span<const std::complex<double>> tones_nm)
+    : tones_(tones_nm.begin(), tones_nm.end()) {
+  std::uint64_t divisor = 0, highest = 0;
+  for (const std::uint64_t bin : bins) divisor = std::gcd(divisor, bin);
+  for (const std::uint64_t bin : bins) {
+    highest = std::max(highest, bin / divisor);
+    frequencies_.push_back(2.0 * std::numbers::pi * static_cast<double>(bin / divisor));
+  }
+  const std::uint64_t steps = 16 * highest;
+  const auto d_slope = [this](double t) { return slope(t); };
+  double before = 0.0, slope_before = slope(before);
+  cuts_.push_back(0.0);
+  for (std::uint64_t i = 1; i <= steps; ++i) {
+    const double t = static_cast<double>(i) / static_cast<double>(steps), slope_here = slope(t);
+    if (slope_before * slope_here < 0.0) cuts_.push_back(root(d_slope, before, t));
+    before = t;
+    slope_before = slope_here;
+  }
+  cuts_.push_back(1.0);
+}
+
+double ReferenceMotion::at(double period) const {
+  double d = 0.0;
+  for (std::size_t i = 0; i < tones_.size(); ++i) {
+    const double phase = frequencies_[i] * period;
+    d += tones_[i].real() * std::cos(phase) - tones_[i].imag() * std::sin(phase);
+  }
+  return d;
+}
+
+double ReferenceMotion::slope(double period) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < tones_.size(); ++i) {
+    const double phase = frequencies_[i] * period;
+    sum -= frequencies_[i] * (tones_[i].real() * std::sin(phase) + tones_[i].imag() * std::cos(phase));
+  }
+  return sum;
+}
+
+double ReferenceMotion::lowest_nm() const {
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const double cut : cuts_) lowest = std::min(lowest, at(cut));
+  return lowest;
+}
+
+Eigen::MatrixXd ReferenceMotion::integrate(double kink_nm, std::size_t columns, const Integrand& functions,
+                                           double tolerance) const {
+  Eigen::MatrixXd sum =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * tones_.size()), static_cast<Eigen::Index>(columns));
+  const auto height = [&](double t) { return at(t) - kink_nm; };
+  double at_begin = height(cuts_.front());
+  for (std::size_t i = 0; i + 1 < cuts_.size(); ++i) {
+    const double at_end = height(cuts_[i + 1]);
+    if (at_begin * at_end < 0.0) {
+      const double crossing = root(height, cuts_[i], cuts_[i + 1]);
+      add(cuts_[i], crossing, tolerance, 0, functions, sum);
+      add(crossing, cuts_[i + 1], tolerance, 0, functions, sum);
+    } else {
+      add(cuts_[i], cuts_[i + 1], tolerance, 0, functions, sum);
+    }
+    at_begin = at_end;
+  }
+  return sum;
+}
+
+void ReferenceMotion::add(double begin, double end, double tolerance, int depth, const Integrand& functions,
+                          Eigen::MatrixXd& sum) const {
+  const double middle = 0.5 * (begin + end), half = 0.5 * (end - begin);
+  Eigen::MatrixXd kronrod = Eigen::MatrixXd::Zero(sum.rows(), sum.cols()), gauss = kronrod;
+  Eigen::VectorXd basis(sum.rows());
+  Eigen::RowVectorXd values(sum.cols());
+  const auto node = [&](double t, double kronrod_weight, double gauss_weight) {
+    double d = 0.0;
+    for (std::size_t i = 0; i < tones_.size(); ++i) {
+      const double phase = frequencies_[i] * t, cosine = std::cos(phase), sine = std::sin(phase);
+      d += tones_[i].real() * cosine - tones_[i].imag() * sine;
+      basis(static_cast<Eigen::Index>(2 * i)) = cosine;
+      basis(static_cast<Eigen::Index>(2 * i + 1)) = -sine;
+    }
+    functions(d, {values.data(), static_cast<std::size_t>(values.size())});
+    kronrod.noalias() += (2.0 * half * kronrod_weight) * basis * values;
+    gauss.noalias() += (2.0 * half * gauss_weight) * basis * values;
+  };
+  for (std::size_t i = 0; i < Kronrod::abscissa().size(); ++i) {
+    const double x = half * Kronrod::abscissa()[i], weight = Kronrod::weights()[i];
+    const double gauss_weight = i % 2 == 0 ? Gauss::weights()[i / 2] : 0.0;
+    node(middle + x, weight, gauss_weight);
+    if (i > 0) node(middle - x, weight, gauss_weight);
+  }
+  if ((kronrod - gauss).cwiseAbs().maxCoeff() > tolerance * (end - begin) && depth < 40) {
+    add(begin, middle, tolerance, depth + 1, functions, sum);
+    add(middle, end, tolerance, depth + 1, functions, sum);
+  } else {
+    sum += kronrod;
+  }
+}
+
+}  // namespace combforce::test

@@ -1,0 +1,69 @@
+// Phasors of a model force along a motion, another way than fit/ goes: the motion is its tones' cosines and
+// sines; it is cut where bisection finds turning points (sign changes of d' on a grid of time) and crossings
+// of the surface; each stretch is integrated by adaptive Gauss-Kronrod (nodes of Boost.Math) without
+// substitutions; derivatives are those of ceres::Jet through the model's force(), not its terms.
+#pragma once
+
+#include <ceres/jet.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <complex>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace combforce::test {
+
+class ReferenceMotion {
+ public:
+  // Functions of d to integrate: writes one value a column.
+  using Integrand = std::function<void(double d_nm, std::span<double> values)>;
+
+  ReferenceMotion(std::span<const std::uint64_t> bins, std::span<const std::complex<double>> tones_nm);
+
+  double at(double period) const;     // d, nm; time in periods of the motion
+  double slope(double period) const;  // nm a period
+  double lowest_nm() const;
+
+  // (2/T) integral f_j(d(t)) exp(-i w_i t) dt: a column a function, rows (re, im) of tone 0, 1, …. The
+  // functions are smooth but for d = kink_nm. Gauss and Kronrod sums differ by less than `tolerance` in all.
+  Eigen::MatrixXd integrate(double kink_nm, std::size_t columns, const Integrand& functions,
+                            double tolerance = 1e-8) const;
+
+ private:
+  void add(double begin, double end, double tolerance, int depth, const Integrand& functions,
+           Eigen::MatrixXd& sum) const;
+
+  std::vector<double> frequencies_;  // rad a period
+  std::vector<std::complex<double>> tones_;
+  std::vector<double> cuts_;  // 0, turning points, 1
+};
+
+// Columns: F, then dF/dp of each parameter; nN.
+template <typename Model>
+Eigen::MatrixXd reference_force(const ReferenceMotion& motion, std::span<const double> p) {
+  using Jet = ceres::Jet<double, static_cast<int>(Model::parameters)>;
+  std::array<Jet, Model::parameters> jets;
+  for (std::size_t k = 0; k < jets.size(); ++k) jets[k] = Jet(p[k], static_cast<int>(k));
+  return motion.integrate(p[0], 1 + Model::parameters, [&](double d, std::span<double> values) {
+    const Jet force = Model::force(jets.data(), Jet(d));
+    values[0] = force.a;
+    std::copy_n(force.v.data(), Model::parameters, values.begin() + 1);
+  });
+}
+
+// Column 0 alone.
+template <typename Model>
+std::vector<std::complex<double>> reference_phasors(const ReferenceMotion& motion,
+                                                    std::span<const double> p) {
+  const Eigen::MatrixXd sum = motion.integrate(
+      p[0], 1, [&](double d, std::span<double> values) { values[0] = Model::force(p.data(), d); });
+  std::vector<std::complex<double>> phasors;
+  for (Eigen::Index row = 0; row < sum.rows(); row += 2) phasors.emplace_back(sum(row, 0), sum(row + 1, 0));
+  return phasors;
+}
+
+}  // namespace combforce::test
