@@ -39,8 +39,9 @@ struct RetiredPixel {
 // Counts over a line or a frame.
 struct PixelCounts {
   std::uint64_t pixels = 0;
-  std::array<std::uint64_t, 8> by_status{};  // indexed by FitStatus
-  double settling_residual = 0.0;            // greatest
+  // Indexed by FitStatus, of which `ambiguous` is the last.
+  std::array<std::uint64_t, static_cast<std::size_t>(FitStatus::ambiguous) + 1> by_status{};
+  double settling_residual = 0.0;  // greatest
 };
 
 struct LineDone {
