@@ -47,7 +47,7 @@ class Phasors {
   std::uint64_t samples_ = 0;
 };
 
-void require(bool holds, const char* field, std::uint64_t value, const char* bound) {
+void require_setting(bool holds, const char* field, std::uint64_t value, const char* bound) {
   if (!holds)
     throw std::invalid_argument(fmt::format("steady state.{}: {}, must be {}", field, value, bound));
 }
@@ -57,8 +57,8 @@ void require(bool holds, const char* field, std::uint64_t value, const char* bou
 SteadyState simulate_steady_state(const SteadyStateSettings& settings) {
   const std::uint64_t window = settings.oscillator.window_samples;
   const std::size_t modes = settings.oscillator.cantilever.modes.size();
-  require(settings.windows >= 1, "windows", settings.windows, ">= 1");
-  for (const std::uint64_t bin : settings.bins) require(2 * bin < window, "bins", bin, "< N/2");
+  require_setting(settings.windows >= 1, "windows", settings.windows, ">= 1");
+  for (const std::uint64_t bin : settings.bins) require_setting(2 * bin < window, "bins", bin, "< N/2");
 
   Oscillator oscillator(settings.oscillator);
   oscillator.engage(find_model(settings.model), settings.parameters);
