@@ -1,8 +1,17 @@
 #include "fit/fit_result.hpp"
 
+#include <algorithm>
 #include <limits>
 
 namespace combforce {
+
+void report_alternative(std::span<const double> parameters, double delta_chi2, FitResult& result) {
+  if (!(delta_chi2 < indistinguishable_delta_chi2)) return;
+  result.alternative_delta_chi2 = delta_chi2;
+  std::ranges::copy(parameters, result.alternative.begin());
+  if (result.status == FitStatus::converged || result.status == FitStatus::ill_conditioned)
+    result.status = FitStatus::ambiguous;
+}
 
 FitResult unfitted(FitStatus status, std::size_t parameters_count) {
   constexpr double unknown = std::numeric_limits<double>::quiet_NaN();

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 namespace combforce {
 
@@ -42,6 +43,11 @@ struct FitResult {
   double virial_nn_nm = 0.0;   // 1/2 sum Re(F_i conj d_i) over the measured tones
   double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i) over the measured tones, 1e-15 W
 };
+
+// A second minimum is reported, and the status says ambiguous where it said that the parameters are valid,
+// when its chi^2 is above the first one's by less than this: two standard deviations.
+inline constexpr double indistinguishable_delta_chi2 = 4.0;
+void report_alternative(std::span<const double> parameters, double delta_chi2, FitResult& result);
 
 // Everything unknown, with the given status.
 FitResult unfitted(FitStatus status, std::size_t parameters_count);

@@ -19,6 +19,7 @@
 #include "fit/refined_fit.hpp"
 #include "fit/residuals.hpp"
 #include "fit/start_values.hpp"
+#include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
 
 namespace combforce {
@@ -68,8 +69,7 @@ class ModelFitter {
       refined_->fit(measured, tones, weights, in_force_, std::span(minima).first(found),
                     std::span(further).first(start.empty() ? further.size() : 0), result);
     } else {
-      result = unfitted(FitStatus::not_converged, Model::parameters);
-      refine(minima[0], measured, weights, result);
+      fit_paper(std::span(minima).first(found), measured, weights, start.empty(), result);
     }
     result.iterations += iterations_;
   }
@@ -147,6 +147,53 @@ class ModelFitter {
     for (std::size_t k = 0; k < a.size(); ++k)
       if (!(std::abs(a[k] - b[k]) <= (k == 0 ? 0.02 : 0.02 * std::abs(b[k])))) return false;
     return true;
+  }
+
+  // What a minimum of the paper's error comes to.
+  struct Minimum {
+    Parameters p{};
+    double error = std::numeric_limits<double>::infinity();  // what was minimised
+    double chi2 = std::numeric_limits<double>::infinity();   // by the noise model
+    FitResult result;
+  };
+
+  // From the least of the minima; then, where the noise says that the trench is long, also from places along
+  // it.
+  void fit_paper(std::span<const Parameters> minima, const MeasuredForce& measured,
+                 std::span<const double> weights, bool seek, FitResult& result) {
+    Minimum best = minimum(minima[0], measured, weights), other;
+    if (seek && measured.noise_known()) {
+      for (const Parameters& p : minima.subspan(1)) keep_best(minimum(p, measured, weights), best, other);
+      if (const Trench<Model::parameters> trench(best.p, best.result); trench.is_long()) {
+        const std::array starts{trench.start(1.0), trench.start(-1.0)};
+        for (Parameters p : starts)
+          if (solve(p, 0, 30, 1e-4) && !alike(p, best.p) && !alike(p, other.p))
+            keep_best(minimum(p, measured, weights), best, other);
+      }
+    }
+    result = best.result;
+    report_alternative(other.p, other.chi2 - best.chi2, result);
+  }
+
+  Minimum minimum(const Parameters& p, const MeasuredForce& measured, std::span<const double> weights) {
+    Minimum minimum;
+    minimum.result = unfitted(FitStatus::not_converged, Model::parameters);
+    refine(p, measured, weights, minimum.result);
+    std::copy_n(minimum.result.parameters.begin(), minimum.p.size(), minimum.p.begin());
+    minimum.error = minimum.chi2 = 0.0;
+    for (Eigen::Index row = 0; row < finer_.size(); ++row) {
+      const auto tone = static_cast<std::size_t>(row / 2);
+      minimum.error += weights[tone] * finer_(row) * finer_(row);
+      if (measured.noise_known()) minimum.chi2 += finer_(row) * finer_(row) / measured.variances()[tone];
+    }
+    return minimum;
+  }
+
+  // The least error that converged is the best; of the others the one with the least chi^2 stays.
+  static void keep_best(Minimum one, Minimum& best, Minimum& other) {
+    if (one.result.status == FitStatus::not_converged || alike(one.p, best.p)) return;
+    if (best.result.status == FitStatus::not_converged || one.error < best.error) std::swap(one, best);
+    if (one.result.status != FitStatus::not_converged && one.chi2 < other.chi2) other = one;
   }
 
   // Solves on quadrature `level` from p, which becomes the minimum found, until a step changes x, or E, by

@@ -13,6 +13,7 @@
 #include "fit/fit_result.hpp"
 #include "fit/measured_force.hpp"
 #include "fit/self_consistent.hpp"
+#include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
 
 namespace combforce {
@@ -46,29 +47,24 @@ class RefinedFit {
     for (const Parameters& start : further)
       if (!explains(measured, best)) try_start(start, weights, best, other, result);
     bool determined = estimate(measured, weights, best, result);
-    if (best.converged && weak(best, result)) {
-      for (const double sign : {1.0, -1.0})
-        try_start(along_trench(best, sign, result), weights, best, other, result);
+    if (const Trench<Model::parameters> trench(best.p, result); best.converged && trench.is_long()) {
+      const std::array starts_along{trench.start(1.0), trench.start(-1.0)};
+      for (const Parameters& start : starts_along) try_start(start, weights, best, other, result);
       determined = estimate(measured, weights, best, result);
     }
     result.status = status(measured, best, determined, result);
     // Costs are chi^2 when the weights come from noise.
-    if (!measured.noise_known() || !other.converged || !(other.cost < best.cost + indistinguishable)) return;
-    result.alternative_delta_chi2 = other.cost - best.cost;
-    std::ranges::copy(other.p, result.alternative.begin());
-    if (result.status == FitStatus::converged || result.status == FitStatus::ill_conditioned)
-      result.status = FitStatus::ambiguous;
+    if (measured.noise_known() && other.converged)
+      report_alternative(other.p, other.cost - best.cost, result);
   }
 
  private:
   using Solution = typename SelfConsistentFit<Model>::Solution;
 
   static constexpr std::size_t quadrature_level = 1;
-  static constexpr double indistinguishable = 4.0;  // of chi^2: two standard deviations
   static constexpr double misfit_deviate =
       4.0;  // standard deviations: one good pixel in 30,000 is called a misfit
-  static constexpr double ill_conditioned_error = 0.3;  // relative standard error
-  static constexpr double weak_error = 0.15;  // relative standard error from which second minima are sought
+  static constexpr double ill_conditioned_error = 0.3;        // relative standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
 
   void try_start(const Parameters& start, std::span<const double> weights, Solution& best, Solution& other,
@@ -91,35 +87,6 @@ class RefinedFit {
     std::ranges::copy(best.p, result.parameters.begin());
     return estimate_uncertainty(Linearization{jacobian_, weights, fixed(best)}, residuals_,
                                 measured.variances(), measured.noise_known(), result);
-  }
-
-  // Second minima lie along the trench of weakly determined pixels. Starts there: a standard error away along
-  // the parameter that is known worst, the others following it by their correlation.
-  static std::size_t worst(const Solution& best, const FitResult& result) {
-    std::size_t index = 0;
-    for (std::size_t k = 1; k < Model::parameters; ++k)
-      if (index == 0 ||
-          result.std_errors[k] * std::abs(best.p[index]) > result.std_errors[index] * std::abs(best.p[k]))
-        index = k;
-    return index;
-  }
-  static bool weak(const Solution& best, const FitResult& result) {
-    const std::size_t k = worst(best, result);
-    return result.std_errors[k] > weak_error * std::abs(best.p[k]);
-  }
-  static Parameters along_trench(const Solution& best, double sign, const FitResult& result) {
-    const std::size_t k = worst(best, result);
-    const double length = std::min(1.0, 0.5 * std::abs(best.p[k]) / result.std_errors[k]);
-    Parameters start = best.p;
-    std::size_t pair = 0;
-    for (std::size_t i = 0; i < Model::parameters; ++i)
-      for (std::size_t j = i + 1; j < Model::parameters; ++j, ++pair) {
-        const std::size_t follower = i == k ? j : i;
-        if ((i == k || j == k) && std::isfinite(result.correlation[pair]))
-          start[follower] += sign * length * result.correlation[pair] * result.std_errors[follower];
-      }
-    start[k] += sign * length * result.std_errors[k];
-    return start;
   }
 
   // Converged inside the bounds, with a plausible chi^2 where the noise is known.
