@@ -28,7 +28,7 @@ void CellTransform::Free::operator()(fftw_plan_s* plan) const {
 }
 
 CellTransform::CellTransform(std::size_t highest_tone, std::size_t band)
-    : band_(band), cells_(quick_size(std::max({std::size_t{8}, 4 * highest_tone, band + band / 3 + 1}))) {
+    : band_(band), cells_(quick_size(std::max({std::size_t{8}, 2 * highest_tone, 2 * band / 3 + 1}))) {
   for (std::size_t n = 0; n <= band; ++n) {
     const double theta = std::numbers::pi * static_cast<double>(n) / static_cast<double>(cells_);
     expansion_.push_back(expand_exponential(theta));
@@ -56,9 +56,10 @@ void CellTransform::to_polynomials(std::span<const std::complex<double>> spectru
   std::fill_n(bins, (cells_ / 2 + 1) * order, 0.0);
   bins[0] = spectrum[0].real();
   for (std::size_t n = 1; n <= band_; ++n) {
-    const bool folded = 2 * n > cells_;
-    const std::complex<double> phasor = (2 * n == cells_ ? 1.0 : 0.5) * spectrum[n] * half_step_[n];
-    std::complex<double>* bin = bins + (folded ? cells_ - n : n) * order;
+    const std::size_t alias = n % cells_;
+    const bool folded = 2 * alias > cells_;
+    const std::complex<double> phasor = (alias == 0 || 2 * alias == cells_ ? 1.0 : 0.5) * spectrum[n] * half_step_[n];
+    std::complex<double>* bin = bins + (folded ? cells_ - alias : alias) * order;
     const double sign = folded ? -1.0 : 1.0;
     for (std::size_t k = 0; k < order; k += 2) {
       bin[k] += expansion_[n][k] * std::complex<double>(phasor.real(), sign * phasor.imag());
@@ -77,8 +78,9 @@ void CellTransform::to_phasors(std::span<const double> moments, std::size_t orde
   const auto* bins = reinterpret_cast<const std::complex<double>*>(in_frequency_.get());
   const double scale = 1.0 / static_cast<double>(cells_);
   for (std::size_t n = 0; n <= band_; ++n) {
-    const bool folded = 2 * n > cells_;
-    const std::complex<double>* bin = bins + (folded ? cells_ - n : n) * orders;
+    const std::size_t alias = n % cells_;
+    const bool folded = 2 * alias > cells_;
+    const std::complex<double>* bin = bins + (folded ? cells_ - alias : alias) * orders;
     double re = 0.0, im = 0.0;
     for (std::size_t k = 0; k < orders; k += 2) {
       re += expansion_[n][k] * bin[k].real();
