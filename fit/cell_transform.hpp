@@ -23,11 +23,12 @@ namespace combforce {
 class CellTransform {
  public:
   static constexpr std::size_t order = Motion::order;  // of the motion, and of moments as exact as it
-  // Moments enough for derivatives: at theta <= pi/4, the highest tone of a comb, exact to 1e-3.
+  // Moments enough for derivatives: at theta <= pi/2, the highest tone of a comb, to 2 %.
   static constexpr std::size_t low_order = 6;
 
-  // Harmonics 0 … band of the period; cells no longer than a quarter of the period of `highest_tone`, and
-  // than three quarters of that of the band's end. 0 < highest_tone <= band.
+  // Harmonics 0 … band of the period; cells no longer than half the period of `highest_tone`, and than one
+  // and a half of that of the band's end: exact to 5e-8 and 3e-3 of what moves there. 0 < highest_tone <=
+  // band.
   CellTransform(std::size_t highest_tone, std::size_t band);
 
   std::size_t band() const { return band_; }
