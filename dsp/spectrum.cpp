@@ -45,6 +45,7 @@ class WelchSpectrum::State {
   State(std::size_t segment_samples, double sample_rate_hz, bool remove_mean);
 
   void push(std::span<const double> samples);
+  void break_off() { filled_ = 0; }
   void reset();
   std::uint64_t segments() const { return segments_; }
   double bin_hz() const { return sample_rate_hz_ / static_cast<double>(segment_.size()); }
@@ -114,7 +115,7 @@ void WelchSpectrum::State::add_segment() {
 }
 
 void WelchSpectrum::State::reset() {
-  filled_ = 0;
+  break_off();
   segments_ = 0;
   std::fill(power_.begin(), power_.end(), 0.0);
 }
@@ -138,6 +139,9 @@ WelchSpectrum& WelchSpectrum::operator=(WelchSpectrum&&) noexcept = default;
 
 void WelchSpectrum::push(std::span<const double> samples) {
   state_->push(samples);
+}
+void WelchSpectrum::break_off() {
+  state_->break_off();
 }
 void WelchSpectrum::reset() {
   state_->reset();

@@ -24,7 +24,8 @@ class WelchSpectrum {
   WelchSpectrum& operator=(WelchSpectrum&&) noexcept;
 
   void push(std::span<const double> samples);
-  void reset();  // forgets segments and the pending samples, as after a gap
+  void break_off();  // forgets the pending samples, as at a gap: what is pushed next does not continue them
+  void reset();      // forgets the segments too
 
   std::uint64_t segments() const;  // averaged so far
   double bin_hz() const;
