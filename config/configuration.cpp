@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "config/simulation_codec.hpp"
+#include "proto/calibration.hpp"
 
 namespace combforce {
 namespace {
@@ -82,11 +83,22 @@ RecordSettings decode_record(const JsonView& view) {
   return record;
 }
 
+// The cantilever has one source; a configuration may know its noise better than the calibration did.
+void include_calibration(const JsonView& file, const std::filesystem::path& base, Description& description) {
+  if (description.cantilever)
+    file.fail("gives the cantilever, which /cantilever gives too; one of them must go");
+  const Calibration calibration = load_calibration(resolve_path(file, base));
+  description.cantilever = calibration.cantilever;
+  if (!description.noise) description.noise = calibration.noise;
+}
+
 Configuration decode_configuration(const JsonView& root, const std::filesystem::path& base) {
-  root.only({"digitizer", "channels", "cantilever", "comb", "free_response", "scan", "noise", "fit",
-             "pipeline", "server", "record", "log_level"});
+  root.only({"digitizer", "calibration", "channels", "cantilever", "comb", "free_response", "scan", "noise",
+             "fit", "pipeline", "server", "record", "log_level"});
   Configuration configuration;
   configuration.description = decode_description(root, "");
+  if (const auto calibration = root.find("calibration"))
+    include_calibration(*calibration, base, configuration.description);
   if (const auto digitizer = root.find("digitizer"))
     configuration.digitizer = decode_digitizer(*digitizer, configuration.description, base);
   if (const auto pipeline = root.find("pipeline")) configuration.pipeline = decode_pipeline(*pipeline);

@@ -6,13 +6,15 @@
 //                  {kind: replay, replay: {recording, realtime false, verify true}}; absent: none
 //     channels, cantilever, comb, free_response, scan, noise, fit
 //                  the objects of proto/description.hpp; a simulation takes from these what it does not say
+//     calibration  a file (proto/calibration.hpp) that gives cantilever, which must not stand here then, and
+//                  noise, unless that stands here
 //     pipeline     {threads 0, ring_blocks 64, pixel_slots 256}
 //     server       {unix_socket, address, port, client_bytes}
 //     record       {directory "."}
 //     log_level    trace, debug, info, warning, error, critical or off
 //
-// Files to read (recording, maps of a scene) are relative to the configuration file; what is written
-// (record.directory, server.unix_socket) to the working directory.
+// Files to read (recording, calibration, maps of a scene) are relative to the configuration file; what is
+// written (record.directory, server.unix_socket) to the working directory.
 #pragma once
 
 #include <cstdint>
@@ -86,8 +88,8 @@ struct Configuration {
 Configuration load_configuration(const std::string& path);
 Configuration parse_configuration(std::string_view text, const std::string& file);
 
-// With every default filled in and paths of files to read made absolute; parse_configuration() of it gives
-// the same configuration.
+// With every default filled in, the calibration's objects in its place and paths of files to read made
+// absolute; parse_configuration() of it gives the same configuration.
 std::string print_configuration(const Configuration& configuration);
 
 }  // namespace combforce

@@ -3,14 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <system_error>
 #include <unordered_set>
+
+#include "proto/text_file.hpp"
 
 namespace combforce {
 namespace {
@@ -165,15 +162,6 @@ std::string error_text(const std::string& file, const std::string& pointer, cons
   for (const auto& part : {file, pointer})
     if (!part.empty()) text += part + ": ";
   return text + message;
-}
-
-std::string read_text_file(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) throw InputError(path, "", "is a directory");
-  errno = 0;
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw InputError(path, "", "cannot be read: " + std::generic_category().message(errno));
-  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
 }
 
 }  // namespace

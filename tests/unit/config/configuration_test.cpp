@@ -6,11 +6,12 @@
 #include <filesystem>
 
 #include "input_error.hpp"
+#include "tests/support/temporary_directory.hpp"
 
 namespace combforce {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 const std::string file = "instrument.json";
 
@@ -57,6 +58,55 @@ TEST(Configuration, TakesFilesToReadRelativeToItself) {
   const auto recording =
       parse_configuration(text, "/etc/combforce/instrument.json").digitizer.replay.recording;
   EXPECT_EQ(recording, "/etc/REC.sigmf-meta");
+}
+
+const char* const calibration = R"({
+  "cantilever": {"modes": [{"frequency_hz": 5e4, "quality_factor": 100, "stiffness_n_per_m": 2}]},
+  "noise": {"temperature_k": 295, "detector_nm_per_sqrt_hz": 1e-3}})";
+
+TEST(Configuration, IncludesACalibration) {
+  const testing::TemporaryDirectory directory;
+  testing::write_file(directory / "probe.json", calibration);
+  const auto including = [&](const std::string& more) {
+    return parse_configuration(R"({"calibration": "probe.json")" + more + "}", directory / "instrument.json");
+  };
+  const Configuration configuration = including("");
+  EXPECT_EQ(configuration.description.cantilever, (Cantilever{{{5e4, 100, 2, 1}}}));
+  EXPECT_EQ(configuration.description.noise, (Noise{295, {1e-3}}));
+  EXPECT_EQ(parsed(print_configuration(configuration)), configuration);
+  const std::string noise = R"(, "noise": {"temperature_k": 4, "detector_nm_per_sqrt_hz": 0})";
+  EXPECT_EQ(including(noise).description.noise, (Noise{4, {0}}));
+}
+
+TEST(Configuration, SimulatesTheCantileverOfACalibration) {
+  const testing::TemporaryDirectory directory;
+  testing::write_file(directory / "probe.json", calibration);
+  const std::string text = R"({"calibration": "probe.json", "digitizer": {"kind": "simulated", "simulation": {
+      "sample_rate_hz": 1e6, "comb": {"window_samples": 1000, "tones": [{"bin": 50}]},
+      "scan": {"lines": 1, "columns": 1, "pixel_samples": 1000}, "scene": {"kind": "flat", "materials": [{"contact_strength_gpa_sqrt_nm": 1.0}]}, "model": "hertz"}}})";
+  const Configuration configuration = parse_configuration(text, directory / "instrument.json");
+  EXPECT_EQ(configuration.digitizer.simulation.cantilever, (Cantilever{{{5e4, 100, 2, 1}}}));
+  EXPECT_EQ(configuration.digitizer.simulation.temperature_k, 295.0);
+}
+
+TEST(Configuration, SaysWhereACalibrationIsWrong) {
+  const testing::TemporaryDirectory directory;
+  std::string bad = calibration;
+  bad.replace(bad.find("100"), 3, "-10");
+  testing::write_file(directory / "probe.json", bad);
+  const auto including = [&](const std::string& text) {
+    return refusal([&] { parse_configuration(text, directory / "instrument.json"); });
+  };
+  EXPECT_EQ(including(R"({"calibration": "probe.json"})").what(),
+            (directory / "probe.json") + ": /cantilever/modes/0/quality_factor: is -10, must be > 0");
+  EXPECT_THAT(including(R"({"calibration": "none.json"})").what(), HasSubstr("none.json: cannot be read"));
+  EXPECT_EQ(including(R"({"calibration": ""})").pointer(), "/calibration");
+  const InputError twice = including(
+      R"({"calibration": "probe.json", "cantilever": {"modes": [{"frequency_hz": 1, "quality_factor": 1,
+          "stiffness_n_per_m": 1}]}})");
+  EXPECT_EQ(twice.file(), directory / "instrument.json");
+  EXPECT_EQ(twice.pointer(), "/calibration");
+  EXPECT_THAT(twice.message(), HasSubstr("/cantilever gives too"));
 }
 
 TEST(Configuration, PrintsWhatItReads) {
@@ -129,7 +179,7 @@ TEST(Configuration, RefusesBadSettings) {
             "/server/unix_socket");
 }
 
-class ShippedConfiguration : public testing::TestWithParam<const char*> {};
+class ShippedConfiguration : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(ShippedConfiguration, IsValidAndPrintsTheSame) {
   const Configuration configuration = load_configuration(shipped(GetParam()));
@@ -137,7 +187,7 @@ TEST_P(ShippedConfiguration, IsValidAndPrintsTheSame) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, ShippedConfiguration,
-                         testing::Values("demo.json", "paper.json", "foreign-recording.json"));
+                         ::testing::Values("demo.json", "paper.json", "foreign-recording.json"));
 
 TEST(ShippedConfigurations, AreAllTested) {
   std::size_t files = 0;
