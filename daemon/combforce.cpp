@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
   combforce::add_scan(app, command);
   combforce::add_record(app, command);
   combforce::add_free(app, command);
+  combforce::add_calibrate(app, command);
   combforce::add_paper(app, command);
   add_version(app);
 

@@ -27,6 +27,7 @@ void add_watch(CLI::App& app, Command& command);
 void add_scan(CLI::App& app, Command& command);
 void add_record(CLI::App& app, Command& command);
 void add_free(CLI::App& app, Command& command);
+void add_calibrate(CLI::App& app, Command& command);
 void add_paper(CLI::App& app, Command& command);
 
 }  // namespace combforce
