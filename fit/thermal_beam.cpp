@@ -11,7 +11,6 @@ namespace combforce {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double pi = std::numbers::pi;
 
 void require_positive(const char* field, double value) {
   if (!(value > 0.0) || !std::isfinite(value))
@@ -66,7 +65,8 @@ void validate(const BeamInFluid& beam) {
 
 double reynolds_number(const BeamInFluid& beam, double frequency_hz) {
   const double width_m = 1e-6 * beam.width_um;
-  return beam.density_kg_per_m3 * 2.0 * pi * frequency_hz * width_m * width_m / (4.0 * beam.viscosity_pa_s);
+  return beam.density_kg_per_m3 * 2.0 * std::numbers::pi * frequency_hz * width_m * width_m /
+         (4.0 * beam.viscosity_pa_s);
 }
 
 std::complex<double> hydrodynamic_function(double reynolds) {
@@ -75,7 +75,7 @@ std::complex<double> hydrodynamic_function(double reynolds) {
     throw std::invalid_argument(
         fmt::format("Reynolds number: {}, must be in [{}, {}], where the hydrodynamic function holds",
                     reynolds, least, most));
-  const Complex z = std::polar(std::sqrt(reynolds), -0.25 * pi);  // -i sqrt(i Re)
+  const Complex z = std::polar(std::sqrt(reynolds), -0.25 * std::numbers::pi);  // -i sqrt(i Re)
   const BesselK k = scaled_bessel_k(z);
   return rectangular_correction(reynolds) * (1.0 + 4.0 * k.k1 / (z * k.k0));
 }
@@ -88,9 +88,9 @@ SaderStiffness sader_stiffness(const BeamInFluid& beam, double frequency_hz, dou
   const double drag = hydrodynamic_function(reynolds).imag();
   const double width_m = 1e-6 * beam.width_um;
   const double length_m = 1e-6 * beam.length_um;
-  const double omega = 2.0 * pi * frequency_hz;
-  const double k = pi / 16.0 * beam.density_kg_per_m3 * width_m * width_m * length_m * quality_factor *
-                   omega * omega * drag;
+  const double omega = 2.0 * std::numbers::pi * frequency_hz;
+  const double k = std::numbers::pi / 16.0 * beam.density_kg_per_m3 * width_m * width_m * length_m *
+                   quality_factor * omega * omega * drag;
   constexpr double factor = 1.01;  // inwards at the ends of the range
   const double towards = reynolds < 1.0 ? factor : 1.0 / factor;
   const double slope = std::log(hydrodynamic_function(reynolds * towards).imag() / drag) / std::log(towards);
@@ -99,7 +99,7 @@ SaderStiffness sader_stiffness(const BeamInFluid& beam, double frequency_hz, dou
 
 double beam_eigenvalue(unsigned mode) {
   if (mode == 0) throw std::invalid_argument("mode: 0, modes count from 1");
-  double c = (static_cast<double>(mode) - 0.5) * pi;
+  double c = (static_cast<double>(mode) - 0.5) * std::numbers::pi;
   constexpr int enough = 20;
   for (int i = 0; i < enough; ++i) {
     const double value = std::cos(c) + 1.0 / std::cosh(c);

@@ -101,22 +101,22 @@ class Deviance final : public ceres::CostFunction {
   const Model& model_;
 };
 
-void require(bool good, const char* field, double value, const std::string& bound) {
+void require_field(bool good, const char* field, double value, const std::string& bound) {
   if (!good) throw std::invalid_argument(fmt::format("{}: {}, must be {}", field, value, bound));
 }
 
 void check(const AveragedSpectrum& spectrum, const ThermalFitSettings& settings,
            const std::vector<std::size_t>& bins) {
   const FrequencyBand& band = settings.band;
-  require(band.low_hz >= 0.0 && band.low_hz < band.high_hz, "band.low_hz", band.low_hz,
-          fmt::format("at least 0 and below band.high_hz = {}", band.high_hz));
-  require(!settings.modes.empty(), "modes", 0, "at least one");
+  require_field(band.low_hz >= 0.0 && band.low_hz < band.high_hz, "band.low_hz", band.low_hz,
+                fmt::format("at least 0 and below band.high_hz = {}", band.high_hz));
+  require_field(!settings.modes.empty(), "modes", 0, "at least one");
   for (const OscillatorStart& mode : settings.modes) {
-    require(mode.frequency_hz > band.low_hz && mode.frequency_hz < band.high_hz, "modes.frequency_hz",
-            mode.frequency_hz, fmt::format("within the band {} to {} Hz", band.low_hz, band.high_hz));
-    require(mode.quality_factor >= least_quality_factor && mode.quality_factor <= most_quality_factor,
-            "modes.quality_factor", mode.quality_factor,
-            fmt::format("in [{}, {}]", least_quality_factor, most_quality_factor));
+    require_field(mode.frequency_hz > band.low_hz && mode.frequency_hz < band.high_hz, "modes.frequency_hz",
+                  mode.frequency_hz, fmt::format("within the band {} to {} Hz", band.low_hz, band.high_hz));
+    require_field(mode.quality_factor >= least_quality_factor && mode.quality_factor <= most_quality_factor,
+                  "modes.quality_factor", mode.quality_factor,
+                  fmt::format("in [{}, {}]", least_quality_factor, most_quality_factor));
   }
   const std::size_t least = 8 * (3 * settings.modes.size() + 1);
   if (bins.size() < least)
@@ -124,9 +124,9 @@ void check(const AveragedSpectrum& spectrum, const ThermalFitSettings& settings,
         fmt::format("band: {} bins of {} Hz in {} to {} Hz, must be at least {}, 8 a parameter", bins.size(),
                     spectrum.bin_hz, band.low_hz, band.high_hz, least));
   for (const std::size_t bin : bins)
-    require(spectrum.density[bin] > 0.0 && std::isfinite(spectrum.density[bin]),
-            fmt::format("density at {} Hz", spectrum.frequency_hz(bin)).c_str(), spectrum.density[bin],
-            "positive and finite");
+    require_field(spectrum.density[bin] > 0.0 && std::isfinite(spectrum.density[bin]),
+                  fmt::format("density at {} Hz", spectrum.frequency_hz(bin)).c_str(), spectrum.density[bin],
+                  "positive and finite");
 }
 
 double mean_density(const Model& model) {

@@ -8,7 +8,6 @@ namespace combforce {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double pi = std::numbers::pi;
 
 // 1 - exp(x + iy) without cancellation near 0.
 Complex one_minus_exp(double x, double y) {
@@ -23,7 +22,7 @@ OscillatorDensity oscillator_density(double frequency_hz, double quality_factor,
   const double stiff = 1.0 - u * u;
   const double damped = u / quality_factor;
   const double denominator = stiff * stiff + damped * damped;
-  const double value = 2.0 / (pi * frequency_hz * quality_factor * denominator);
+  const double value = 2.0 / (std::numbers::pi * frequency_hz * quality_factor * denominator);
   return {value, value * (-1.0 + (-4.0 * u * u * stiff + 2.0 * damped * damped) / denominator),
           value * (-1.0 + 2.0 * damped * damped / denominator)};
 }
@@ -31,14 +30,15 @@ OscillatorDensity oscillator_density(double frequency_hz, double quality_factor,
 HannPeriodogram::HannPeriodogram(std::size_t samples, double sample_rate_hz, double frequency_hz,
                                  double quality_factor)
     : samples_(static_cast<double>(samples)), sample_rate_hz_(sample_rate_hz) {
-  const double decay = pi * frequency_hz / quality_factor;
-  const double resonance = 2.0 * pi * frequency_hz;
+  const double decay = std::numbers::pi * frequency_hz / quality_factor;
+  const double resonance = 2.0 * std::numbers::pi * frequency_hz;
   const double rotation = std::sqrt((resonance - decay) * (resonance + decay));
   decay_ = decay / sample_rate_hz;
   rotation_ = rotation / sample_rate_hz;
   ratio_ = decay / rotation;
-  last_ = std::polar(std::exp(-decay_ * samples_), std::remainder(rotation_ * samples_, 2.0 * pi));
-  const double half_turn = pi / samples_;
+  last_ =
+      std::polar(std::exp(-decay_ * samples_), std::remainder(rotation_ * samples_, 2.0 * std::numbers::pi));
+  const double half_turn = std::numbers::pi / samples_;
   sine_weight_ = 0.75 / std::tan(half_turn) + 0.25 * std::tan(half_turn);
 }
 
@@ -47,7 +47,7 @@ HannPeriodogram::Sums HannPeriodogram::windowed_sums(double turn) const {
   using Three = std::array<Complex, 3>;
   Three first, second, first_by_log, second_by_log;  // sums of a^m and (N - m) a^m
   for (std::size_t j = 0; j < 3; ++j) {
-    const double phase = turn + (static_cast<double>(j) - 1.0) * 2.0 * pi / samples_;
+    const double phase = turn + (static_cast<double>(j) - 1.0) * 2.0 * std::numbers::pi / samples_;
     const Complex rest = one_minus_exp(-decay_, phase);
     const Complex a = 1.0 - rest;
     first[j] = through / rest;
@@ -64,7 +64,7 @@ HannPeriodogram::Sums HannPeriodogram::windowed_sums(double turn) const {
 }
 
 OscillatorDensity HannPeriodogram::at_bin(std::size_t bin) const {
-  const double turn = 2.0 * pi * static_cast<double>(bin) / samples_;
+  const double turn = 2.0 * std::numbers::pi * static_cast<double>(bin) / samples_;
   const Sums above = windowed_sums(rotation_ + turn);
   const Sums below = windowed_sums(rotation_ - turn);
   const Complex sum = above.sum + below.sum;

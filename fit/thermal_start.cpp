@@ -52,12 +52,12 @@ double misfit(const std::vector<Bin>& bins, double frequency_hz, double quality)
   shape_inside /= static_cast<double>(count_inside);
   outside /= static_cast<double>(count_outside);
   shape_outside /= static_cast<double>(count_outside);
-  constexpr double least_floor = 1e-6;
+  constexpr double smallest_floor = 1e-6;
   double variance = (inside - outside) / (shape_inside - shape_outside);
   double floor = outside - variance * shape_outside;
   if (!(variance > 0.0)) return std::numeric_limits<double>::infinity();
-  if (floor < least_floor * inside) {
-    floor = least_floor * inside;
+  if (floor < smallest_floor * inside) {
+    floor = smallest_floor * inside;
     variance = inside / shape_inside;
   }
   double sum = 0.0;

@@ -10,8 +10,8 @@
 namespace combforce {
 namespace {
 
-constexpr std::array<const char*, 4> keys{"frequency_hz", "quality_factor", "stiffness_n_per_m",
-                                          "sensitivity_nm_per_v"};
+constexpr std::array<const char*, 4> mode_keys{"frequency_hz", "quality_factor", "stiffness_n_per_m",
+                                               "sensitivity_nm_per_v"};
 
 std::array<double, 4> values_of(const Mode& mode) {
   return {mode.frequency_hz, mode.quality_factor, mode.stiffness_n_per_m,
@@ -29,11 +29,12 @@ double number_or_nan(const JsonView& view, Range range) {
 ModeUncertainty decode_uncertainty(const JsonView& view, const Mode& mode) {
   view.only({"std_errors", "correlation"});
   const auto errors = view.get("std_errors");
-  errors.only({keys[0], keys[1], keys[2], keys[3]});
+  errors.only({mode_keys[0], mode_keys[1], mode_keys[2], mode_keys[3]});
   const auto values = values_of(mode);
   Eigen::Vector4d relative;
-  for (std::size_t i = 0; i < keys.size(); ++i)
-    relative(static_cast<Eigen::Index>(i)) = number_or_nan(errors.get(keys[i]), non_negative) / values[i];
+  for (std::size_t i = 0; i < mode_keys.size(); ++i)
+    relative(static_cast<Eigen::Index>(i)) =
+        number_or_nan(errors.get(mode_keys[i]), non_negative) / values[i];
   const auto correlation = view.get("correlation");
   const auto elements = correlation.elements();
   constexpr std::size_t triangle = 6;
@@ -72,8 +73,8 @@ Json encode(const ModeUncertainty& uncertainty, const Mode& mode) {
   const auto values = values_of(mode);
   const Eigen::Vector4d relative = uncertainty.covariance.diagonal().cwiseSqrt();
   Json errors = Json::object(), correlation = Json::array();
-  for (std::size_t i = 0; i < keys.size(); ++i)
-    errors[keys[i]] = number_or_null(relative(static_cast<Eigen::Index>(i)) * values[i]);
+  for (std::size_t i = 0; i < mode_keys.size(); ++i)
+    errors[mode_keys[i]] = number_or_null(relative(static_cast<Eigen::Index>(i)) * values[i]);
   for (Eigen::Index i = 0; i < 4; ++i)
     for (Eigen::Index j = i + 1; j < 4; ++j) {
       const double size = relative(i) * relative(j);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::string_view blanks = " \t\r,;";
 
-std::string_view trimmed(std::string_view text) {
+std::string_view without_blanks(std::string_view text) {
   const auto first = text.find_first_not_of(blanks);
   if (first == std::string_view::npos) return {};
   return text.substr(first, text.find_last_not_of(blanks) - first + 1);
@@ -48,16 +48,16 @@ std::optional<double> whole_number(std::string_view text) {
   return value;
 }
 
-class Reader {
+class SpectrumReader {
  public:
-  Reader(const std::string& file, std::size_t column) : file_(file), column_(column) {}
+  SpectrumReader(const std::string& file, std::size_t column) : file_(file), column_(column) {}
 
   void line(std::string_view text) {
     ++line_;
-    text = trimmed(text);
+    text = without_blanks(text);
     if (text.empty()) return;
     if (text.front() == '#') {
-      header(trimmed(text.substr(1)));
+      header(without_blanks(text.substr(1)));
     } else {
       row(text);
     }
@@ -93,7 +93,7 @@ class Reader {
     for (std::size_t column = 1; column <= column_; ++column) {
       if (text.empty()) fail(fmt::format("has {} columns, must have at least {}", column - 1, column_));
       const auto word = text.substr(0, text.find_first_of(blanks));
-      text = trimmed(text.substr(word.size()));
+      text = without_blanks(text.substr(word.size()));
       if (column != 1 && column != column_) continue;
       const auto value = whole_number(word);
       if (!value) fail(fmt::format("column {} is \"{}\", must be a number", column, word));
@@ -109,7 +109,7 @@ class Reader {
     const auto colon = text.find(": ");
     if (!result_.vendor || colon == std::string_view::npos) return;
     const auto key = text.substr(0, colon);
-    const auto value = trimmed(text.substr(colon + 2));
+    const auto value = without_blanks(text.substr(colon + 2));
     VendorFit& vendor = *result_.vendor;
     using Units = std::initializer_list<Unit>;
     const auto read = [&](std::string_view name, std::optional<double>& target, Units units) {
@@ -137,7 +137,8 @@ class Reader {
   double quantity(std::string_view text, std::initializer_list<Unit> units) const {
     const auto blank = text.find(' ');
     const auto number = whole_number(plain_number(text.substr(0, blank)));
-    const auto unit = blank == std::string_view::npos ? std::string_view{} : trimmed(text.substr(blank));
+    const auto unit =
+        blank == std::string_view::npos ? std::string_view{} : without_blanks(text.substr(blank));
     const auto known = std::ranges::find(units, unit, &Unit::name);
     if (number && known != units.end()) return *number * known->size;
     std::string names;
@@ -157,7 +158,7 @@ class Reader {
 
 SpectrumFile parse_spectrum(std::string_view text, const std::string& file, std::size_t column) {
   if (column < 2) throw std::invalid_argument(fmt::format("column: {}, must be at least 2", column));
-  Reader reader(file, column);
+  SpectrumReader reader(file, column);
   while (!text.empty()) {
     const auto end = std::min(text.find('\n'), text.size());
     reader.line(text.substr(0, end));
