@@ -296,13 +296,23 @@ class SelfConsistentFit {
     return shrink < 1.0 ? Coordinates(shrink * step) : step;
   }
 
+  // Nothing changes any more: the parameters, or where the residuals are not small, their squares.
   bool is_small(const Coordinates& step, const Linearized& at) const {
+    bool still = true;
     for (std::size_t k = 0; k < count; ++k) {
       const double change = std::abs(step(index(k)) * slope(k, at));
       const double p = std::abs(bounded_[k].value(at.x(index(k))));
-      if (!(change <= tolerance * (k == 0 ? 1.0 : p))) return false;
+      still = still && change <= tolerance * (k == 0 ? 1.0 : p);
     }
-    return true;
+    if (still) return true;
+    double decrease = 0.0;
+    for (Eigen::Index row = 0; row < rows_; ++row) {
+      double change = 0.0;
+      for (std::size_t k = 0; k < count; ++k)
+        change += at.jacobian(row, index(k)) * slope(k, at) * step(index(k));
+      decrease += weights_[static_cast<std::size_t>(row / 2)] * change * change;
+    }
+    return decrease <= cost_tolerance * at.cost;
   }
 
   // motion_ at x, to first order.
@@ -317,7 +327,8 @@ class SelfConsistentFit {
     }
   }
 
-  static constexpr double tolerance = 2e-6;  // nm, or relative
+  static constexpr double cost_tolerance = 1e-6;  // relative
+  static constexpr double tolerance = 2e-6;       // nm, or relative
   // A step along a curved trench first leads up its wall: so many iterations may pass before a better one,
   // then the search goes back (watchdog technique, Chamberlain et al. 1982).
   static constexpr std::size_t watch = 3;
