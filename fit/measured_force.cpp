@@ -25,9 +25,11 @@ MeasuredForce::MeasuredForce(const FitConditions& conditions)
   const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
   const auto free_windows = static_cast<double>(conditions.free_response->windows);
   const double free_share = free_windows > 0.0 ? conditions.windows / free_windows : 0.0;
+  std::vector<double> frequencies_hz;
   double drive = 0.0;
   for (std::size_t i = 0; i < tones; ++i) {
     const double frequency_hz = static_cast<double>(conditions.comb.tones[i].bin) * delta_f_hz;
+    frequencies_hz.push_back(frequency_hz);
     inverse_response_.push_back(1.0 / tip_response(conditions.cantilever, frequency_hz));
     angular_frequencies_.push_back(2.0 * std::numbers::pi * frequency_hz);
     variances_.push_back(noise_known_
@@ -41,6 +43,42 @@ MeasuredForce::MeasuredForce(const FitConditions& conditions)
   contact_threshold_ = chi2_quantile(2.0 * static_cast<double>(tones), 5.0);
   tip_nm_.resize(tones);
   forces_.resize(tones);
+  set_covariance(conditions, frequencies_hz);
+}
+
+void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz) {
+  const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
+  thermal_ = covariance_ = Eigen::MatrixXd::Zero(rows, rows);
+  detector_variances_.resize(frequencies_hz.size());
+  if (!noise_known_) return;
+  const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+  thermal_ = thermal_force_covariance(conditions.cantilever, frequencies_hz, conditions.noise->temperature_k,
+                                      delta_f_hz, conditions.windows);
+  for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
+    const double density = detector_density(*conditions.noise, i);
+    detector_variances_[i] = density * density * delta_f_hz / conditions.windows;
+    detector_noise_ = detector_noise_ || density > 0.0;
+  }
+  covariance_at(Eigen::MatrixXd::Zero(rows, rows), covariance_);
+}
+
+void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const {
+  covariance = thermal_;
+  const auto gain = [&](Eigen::Index row, Eigen::Index column) {
+    double value = stiffness(row, column);
+    if (row / 2 == column / 2) {
+      const std::complex<double> inverse = inverse_response_[static_cast<std::size_t>(row / 2)];
+      value -= row == column ? inverse.real() : row > column ? inverse.imag() : -inverse.imag();
+    }
+    return value;
+  };
+  for (Eigen::Index noise = 0; noise < covariance.cols(); ++noise) {
+    const double variance = detector_variances_[static_cast<std::size_t>(noise / 2)];
+    if (variance == 0.0) continue;
+    for (Eigen::Index column = 0; column < covariance.cols(); ++column)
+      for (Eigen::Index row = 0; row < covariance.rows(); ++row)
+        covariance(row, column) += variance * gain(row, noise) * gain(column, noise);
+  }
 }
 
 void MeasuredForce::set(std::span<const std::complex<double>> tip_nm) {

@@ -2,6 +2,7 @@
 // and what follows from it without a model.
 #pragma once
 
+#include <Eigen/Core>
 #include <complex>
 #include <cstddef>
 #include <span>
@@ -25,6 +26,15 @@ class MeasuredForce {
   std::span<const double> variances() const { return variances_; }
   bool noise_known() const { return noise_known_; }
 
+  // Covariance of all of them, rows (re, im) of every tone, nN^2, as if the detector's noise were seen by the
+  // measurement alone: through chi^-1. All 0 without a noise model.
+  const Eigen::MatrixXd& covariance() const { return covariance_; }
+  // The same of the difference between a model's forces and the measured ones. The detector's noise is taken
+  // for motion and enters both: through `stiffness` - chi^-1, with dF_model/dd by (re, im) of every tone's
+  // motion, nN/nm. `covariance` is rows x rows; does not allocate.
+  void covariance_at(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const;
+  bool detector_noise() const { return detector_noise_; }  // whether the two differ
+
   // Whether the forces are distinguishable from none: sum |F_i|^2/s_i^2 exceeds the 5-sigma quantile of chi^2
   // with two degrees of freedom a tone, s_i^2 being the variance of engaged and free measurement together
   // and, for what noise leaves out, (1e-6 of the drive forces)^2: tones are extracted to 1e-6 of full scale.
@@ -39,10 +49,14 @@ class MeasuredForce {
   double dissipated_fw() const;  // -1/2 sum w_i Im(F_i conj d_i)
 
  private:
+  void set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz);
+
   std::vector<std::complex<double>> inverse_response_, free_nm_, tip_nm_, forces_;
   std::vector<double> angular_frequencies_, variances_, contact_variances_;
+  std::vector<double> detector_variances_;  // of each quadrature of the motion, nm^2
+  Eigen::MatrixXd thermal_, covariance_;
   double contact_threshold_ = 0.0;
-  bool noise_known_ = false;
+  bool noise_known_ = false, detector_noise_ = false;
 };
 
 }  // namespace combforce

@@ -21,6 +21,7 @@
 #include "fit/start_values.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
+#include "fit/whitening.hpp"
 
 namespace combforce {
 
@@ -50,9 +51,11 @@ class ModelFitter {
   }
 
   // The balance holds the motion of these tones, nm. Fills everything of `result` but virial and power.
-  // `start`: empty to scan.
+  // `weights`: of squared residuals in the paper's fit and in all scans for starts, one a tone; `whitening`:
+  // of the refined fit and of chi^2. `start`: empty to scan.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
-           std::span<const double> weights, std::span<const double> start, FitResult& result) {
+           std::span<const double> weights, const Whitening& whitening, std::span<const double> start,
+           FitResult& result) {
     residuals_.set_measured(measured.phasors(), weights);
     bound_to_motion();
     balance_->reset();
@@ -66,10 +69,10 @@ class ModelFitter {
     if (refined_) {
       std::array<Parameters, StartValues::dispersed_depths> further;
       if (start.empty()) starts_.template dispersed<Model>(measured.phasors(), weights, in_force_, further);
-      refined_->fit(measured, tones, weights, in_force_, std::span(minima).first(found),
+      refined_->fit(measured, tones, whitening, in_force_, std::span(minima).first(found),
                     std::span(further).first(start.empty() ? further.size() : 0), result);
     } else {
-      fit_paper(std::span(minima).first(found), measured, weights, start.empty(), result);
+      fit_paper(std::span(minima).first(found), measured, weights, whitening, start.empty(), result);
     }
     result.iterations += iterations_;
   }
@@ -160,32 +163,31 @@ class ModelFitter {
   // From the least of the minima; then, where the noise says that the trench is long, also from places along
   // it.
   void fit_paper(std::span<const Parameters> minima, const MeasuredForce& measured,
-                 std::span<const double> weights, bool seek, FitResult& result) {
-    Minimum best = minimum(minima[0], measured, weights), other;
+                 std::span<const double> weights, const Whitening& whitening, bool seek, FitResult& result) {
+    Minimum best = minimum(minima[0], measured, weights, whitening), other;
     if (seek && measured.noise_known()) {
-      for (const Parameters& p : minima.subspan(1)) keep_best(minimum(p, measured, weights), best, other);
+      for (const Parameters& p : minima.subspan(1))
+        keep_best(minimum(p, measured, weights, whitening), best, other);
       if (const Trench<Model::parameters> trench(best.p, best.result); trench.is_long()) {
         const std::array starts{trench.start(1.0), trench.start(-1.0)};
         for (Parameters p : starts)
           if (solve(p, 0, 30, 1e-4) && !alike(p, best.p) && !alike(p, other.p))
-            keep_best(minimum(p, measured, weights), best, other);
+            keep_best(minimum(p, measured, weights, whitening), best, other);
       }
     }
     result = best.result;
     report_alternative(other.p, other.chi2 - best.chi2, result);
   }
 
-  Minimum minimum(const Parameters& p, const MeasuredForce& measured, std::span<const double> weights) {
+  Minimum minimum(const Parameters& p, const MeasuredForce& measured, std::span<const double> weights,
+                  const Whitening& whitening) {
     Minimum minimum;
     minimum.result = unfitted(FitStatus::not_converged, Model::parameters);
-    refine(p, measured, weights, minimum.result);
+    minimum.chi2 = refine(p, measured, weights, whitening, minimum.result);
     std::copy_n(minimum.result.parameters.begin(), minimum.p.size(), minimum.p.begin());
-    minimum.error = minimum.chi2 = 0.0;
-    for (Eigen::Index row = 0; row < finer_.size(); ++row) {
-      const auto tone = static_cast<std::size_t>(row / 2);
-      minimum.error += weights[tone] * finer_(row) * finer_(row);
-      if (measured.noise_known()) minimum.chi2 += finer_(row) * finer_(row) / measured.variances()[tone];
-    }
+    minimum.error = 0.0;
+    for (Eigen::Index row = 0; row < finer_.size(); ++row)
+      minimum.error += weights[static_cast<std::size_t>(row / 2)] * finer_(row) * finer_(row);
     return minimum;
   }
 
@@ -220,9 +222,10 @@ class ModelFitter {
     return false;
   }
 
-  // Solves on finer and finer quadratures until the next finer one would not move the minimum.
-  void refine(Parameters p, const MeasuredForce& measured, std::span<const double> weights,
-              FitResult& result) {
+  // Solves on finer and finer quadratures until the next finer one would not move the minimum. Returns chi^2,
+  // NaN without a noise model.
+  double refine(Parameters p, const MeasuredForce& measured, std::span<const double> weights,
+                const Whitening& whitening, FitResult& result) {
     bool solved = false, good = false;
     Linearization at{jacobian_, weights, {}};
     for (std::size_t level = 0; !good && level + 1 < ForceBalance::levels; ++level) {
@@ -237,8 +240,14 @@ class ModelFitter {
     }
     if (good) step(at, p);
     std::copy(p.begin(), p.end(), result.parameters.begin());
+    double chi2 = std::numeric_limits<double>::quiet_NaN();
+    if (whitening.by_noise) {
+      differences_ = finer_;
+      whitening.root.triangularView<Eigen::Lower>().solveInPlace(differences_);
+      chi2 = differences_.squaredNorm();
+    }
     const bool determined =
-        estimate_uncertainty(at, finer_, measured.variances(), measured.noise_known(), result);
+        estimate_uncertainty(at, measured.covariance(), chi2, measured.noise_known(), result);
     const bool bounded = std::any_of(at.fixed.begin(), at.fixed.end(), [](bool fixed) { return fixed; });
     if (!(good || (solved && (within(p, result, 10.0) || !determined))))
       result.status = FitStatus::not_converged;
@@ -248,6 +257,7 @@ class ModelFitter {
       result.status = FitStatus::ill_conditioned;
     else
       result.status = FitStatus::converged;
+    return chi2;
   }
 
   // What remains of the way to the minimum of the finest quadrature evaluated: one Gauss-Newton step.

@@ -2,13 +2,50 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 #include <stdexcept>
 
 #include "fit/units.hpp"
 
 namespace combforce {
+namespace {
+
+constexpr double engaged_spread = 2.0;  // of a mode's state at the ends of windows, by that of the free mode
+
+// Whose thermal motion is greatest there.
+std::size_t noisiest_mode(const Cantilever& cantilever, double frequency_hz) {
+  const auto motion = [&](const Mode& mode) {
+    return std::norm(mode_response(mode, frequency_hz)) * thermal_force_density(mode, 1.0);
+  };
+  return static_cast<std::size_t>(std::ranges::max_element(cantilever.modes, {}, motion) -
+                                  cantilever.modes.begin());
+}
+
+void add_window_end(const Cantilever& cantilever, std::size_t index, std::span<const double> frequencies_hz,
+                    double temperature_k, double windows_per_s, Eigen::MatrixXd& covariance) {
+  const Mode& mode = cantilever.modes[index];
+  const double w_mode = 2.0 * std::numbers::pi * mode.frequency_hz;
+  const double position_nm =
+      engaged_spread * std::sqrt(2.0 * boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m);
+  Eigen::MatrixX2d ends(covariance.rows(), 2);  // forces of standard deviations of dq and of dv
+  for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
+    const std::complex<double> share =
+        mode_response(mode, frequencies_hz[i]) / tip_response(cantilever, frequencies_hz[i]) * 2.0 *
+        mode.stiffness_n_per_m * windows_per_s / (w_mode * w_mode) * position_nm;
+    const std::complex<double> of_position =
+        share * std::complex(w_mode / mode.quality_factor, 2.0 * std::numbers::pi * frequencies_hz[i]);
+    const std::complex<double> of_velocity = share * w_mode;
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    ends.row(row) << of_position.real(), of_velocity.real();
+    ends.row(row + 1) << of_position.imag(), of_velocity.imag();
+  }
+  covariance += ends * ends.transpose();
+}
+
+}  // namespace
 
 void validate(const Noise& noise, std::size_t tones) {
   if (!(noise.temperature_k >= 0.0) || !std::isfinite(noise.temperature_k))
@@ -37,13 +74,34 @@ double tip_force_density(const Cantilever& cantilever, double frequency_hz, doub
   return motion / std::norm(tip_response(cantilever, frequency_hz));
 }
 
+double detector_density(const Noise& noise, std::size_t tone) {
+  const auto& densities = noise.detector_nm_per_sqrt_hz;
+  return densities.size() == 1 ? densities.front() : densities.at(tone);
+}
+
 double force_quadrature_variance(const Cantilever& cantilever, const Noise& noise, std::size_t tone,
                                  double frequency_hz, double delta_f_hz, unsigned windows) {
-  const auto& densities = noise.detector_nm_per_sqrt_hz;
-  const double detector = densities.size() == 1 ? densities.front() : densities.at(tone);
+  const double detector = detector_density(noise, tone);
   const double density = tip_force_density(cantilever, frequency_hz, noise.temperature_k) +
                          detector * detector / std::norm(tip_response(cantilever, frequency_hz));
   return density * delta_f_hz / windows;
+}
+
+Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span<const double> frequencies_hz,
+                                         double temperature_k, double delta_f_hz, unsigned windows) {
+  const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(rows, rows);
+  std::vector<std::size_t> mode_of_tone;
+  for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    covariance(row, row) = covariance(row + 1, row + 1) =
+        tip_force_density(cantilever, frequencies_hz[i], temperature_k) * delta_f_hz / windows;
+    mode_of_tone.push_back(noisiest_mode(cantilever, frequencies_hz[i]));
+  }
+  for (std::size_t m = 0; m < cantilever.modes.size(); ++m)
+    if (std::ranges::count(mode_of_tone, m) > 1)
+      add_window_end(cantilever, m, frequencies_hz, temperature_k, delta_f_hz / windows, covariance);
+  return covariance;
 }
 
 }  // namespace combforce

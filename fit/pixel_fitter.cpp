@@ -15,6 +15,7 @@
 #include "fit/measured_force.hpp"
 #include "fit/model_fitter.hpp"
 #include "fit/model_list.hpp"
+#include "fit/whitening.hpp"
 
 namespace combforce {
 namespace {
@@ -112,6 +113,7 @@ class PixelFitter::State {
         harmonics_(harmonics_of(conditions)),
         fitter_(make_fitter(conditions)),
         weights_(weights_of(conditions, measured_)),
+        whitening_(whitening(measured_, weights_)),
         ones_(tones_, 1.0),
         last_(tones_) {}
 
@@ -133,7 +135,8 @@ class PixelFitter::State {
       result = unfitted(FitStatus::not_converged, count);
     } else {
       set_motion(tip_nm);
-      std::visit([&](auto& fitter) { fitter.fit(measured_, tip_nm, weights_, start, result); }, fitter_);
+      std::visit([&](auto& fitter) { fitter.fit(measured_, tip_nm, weights_, whitening_, start, result); },
+                 fitter_);
     }
     result.virial_nn_nm = measured_.virial_nn_nm();
     result.dissipated_fw = measured_.dissipated_fw();
@@ -207,7 +210,9 @@ class PixelFitter::State {
   ForceBalance balance_;
   std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
   AnyModelFitter fitter_;
-  std::vector<double> weights_, ones_;
+  std::vector<double> weights_;
+  Whitening whitening_;
+  std::vector<double> ones_;
   std::vector<std::complex<double>> last_;  // tones of the motion in balance_; all 0 at first
 };
 

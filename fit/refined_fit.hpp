@@ -3,18 +3,22 @@
 // well.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
+#include <vector>
 
 #include "fit/fit_result.hpp"
 #include "fit/measured_force.hpp"
 #include "fit/self_consistent.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
+#include "fit/whitening.hpp"
 
 namespace combforce {
 
@@ -30,27 +34,30 @@ class RefinedFit {
         most_(most),
         rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
         jacobian_(rows_, Model::parameters),
-        residuals_(rows_),
-        shift_(rows_) {}
+        shift_(rows_),
+        stiffness_(rows_, rows_),
+        covariance_(rows_, rows_),
+        root_(rows_, rows_),
+        factor_(rows_),
+        ones_(harmonics.tones().size(), 1.0) {}
 
   // Fills everything of `result` but virial and power. `starts`: best first, at least one, all tried;
-  // `further`: tried until one explains the pixel when none of `starts` does. `tones`, nm, and `weights` of
-  // squared residuals: one a tone each.
+  // `further`: tried until one explains the pixel when none of `starts` does. `tones`: nm, one a tone.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
-           std::span<const double> weights, std::span<const Bounds> bounds,
-           std::span<const Parameters> starts, std::span<const Parameters> further, FitResult& result) {
+           const Whitening& whitening, std::span<const Bounds> bounds, std::span<const Parameters> starts,
+           std::span<const Parameters> further, FitResult& result) {
     result = unfitted(FitStatus::not_converged, Model::parameters);
     fit_.set_bounds(bounds);
-    fit_.set_measured(tones, measured.phasors(), weights);
+    fit_.set_measured(tones, measured.phasors());
     Solution best, other;
-    for (const Parameters& start : starts) try_start(start, weights, best, other, result);
+    for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
     for (const Parameters& start : further)
-      if (!explains(measured, best)) try_start(start, weights, best, other, result);
-    bool determined = estimate(measured, weights, best, result);
+      if (!explains(measured, best)) try_start(start, measured, whitening, best, other, result);
+    bool determined = estimate(measured, whitening, best, result);
     if (const Trench<Model::parameters> trench(best.p, result); best.converged && trench.is_long()) {
       const std::array starts_along{trench.start(1.0), trench.start(-1.0)};
-      for (const Parameters& start : starts_along) try_start(start, weights, best, other, result);
-      determined = estimate(measured, weights, best, result);
+      for (const Parameters& start : starts_along) try_start(start, measured, whitening, best, other, result);
+      determined = estimate(measured, whitening, best, result);
     }
     result.status = status(measured, best, determined, result);
     // Costs are chi^2 when the weights come from noise.
@@ -67,26 +74,43 @@ class RefinedFit {
   static constexpr double ill_conditioned_error = 0.3;        // relative standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
 
-  void try_start(const Parameters& start, std::span<const double> weights, Solution& best, Solution& other,
-                 FitResult& result) {
-    const Solution solution = fit_.solve(start, quadrature_level, most_);
+  void try_start(const Parameters& start, const MeasuredForce& measured, const Whitening& whitening,
+                 Solution& best, Solution& other, FitResult& result) {
+    fit_.set_whitening(whitening.root);
+    Solution solution = fit_.solve(start, quadrature_level, most_);
     result.iterations += solution.iterations;
+    if (solution.converged && measured.detector_noise() && whiten_at_solution(measured)) {
+      solution = fit_.solve(solution.p, quadrature_level, most_);
+      result.iterations += solution.iterations;
+    }
     if (!better(solution, best)) {
       if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
       return;
     }
     if (best.converged && !same(solution, best)) other = best;
     best = solution;
-    keep_linearization();
-    estimate_quadrature_error(weights, best, result);
+    jacobian_ = fit_.jacobian();
+    estimate_quadrature_error(best, result);
   }
 
-  bool estimate(const MeasuredForce& measured, std::span<const double> weights, const Solution& best,
+  // What the detector's noise does depends on how the surface answers to the motion that it feigns.
+  bool whiten_at_solution(const MeasuredForce& measured) {
+    fit_.stiffness_at_tones(stiffness_);
+    measured.covariance_at(stiffness_, covariance_);
+    factor_.compute(covariance_);
+    if (factor_.info() != Eigen::Success) return false;
+    root_ = factor_.matrixL();
+    fit_.set_whitening(root_);
+    return true;
+  }
+
+  bool estimate(const MeasuredForce& measured, const Whitening& whitening, const Solution& best,
                 FitResult& result) const {
     result.refinements = best.iterations;
     std::ranges::copy(best.p, result.parameters.begin());
-    return estimate_uncertainty(Linearization{jacobian_, weights, fixed(best)}, residuals_,
-                                measured.variances(), measured.noise_known(), result);
+    const double chi2 = whitening.by_noise ? best.cost : std::numeric_limits<double>::quiet_NaN();
+    return estimate_uncertainty(Linearization{jacobian_, ones_, fixed(best)}, whitening.covariance, chi2,
+                                measured.noise_known(), result);
   }
 
   // Converged inside the bounds, with a plausible chi^2 where the noise is known.
@@ -110,16 +134,10 @@ class RefinedFit {
     return result;
   }
 
-  void keep_linearization() {
-    jacobian_ = fit_.jacobian();
-    residuals_ = fit_.residuals();
-  }
-
   // How far the solution moves on the next finer quadrature.
-  void estimate_quadrature_error(std::span<const double> weights, const Solution& solution,
-                                 FitResult& result) {
+  void estimate_quadrature_error(const Solution& solution, FitResult& result) {
     fit_.refine_quadrature(solution.p, quadrature_level, shift_);
-    result.quadrature_errors = minimum_shift(Linearization{jacobian_, weights, fixed(solution)}, shift_);
+    result.quadrature_errors = minimum_shift(Linearization{jacobian_, ones_, fixed(solution)}, shift_);
   }
 
   static FitStatus status(const MeasuredForce& measured, const Solution& best, bool determined,
@@ -140,8 +158,11 @@ class RefinedFit {
   SelfConsistentFit<Model> fit_;
   std::uint32_t most_;
   Eigen::Index rows_;
-  Eigen::MatrixXd jacobian_;
-  Eigen::VectorXd residuals_, shift_;
+  Eigen::MatrixXd jacobian_;  // whitened, of the best solution
+  Eigen::VectorXd shift_;
+  Eigen::MatrixXd stiffness_, covariance_, root_;
+  Eigen::LLT<Eigen::MatrixXd> factor_;
+  std::vector<double> ones_;
 };
 
 }  // namespace combforce

@@ -3,7 +3,7 @@
 // The paper takes the measured tones for the whole motion. But the model's force acts at every frequency, and
 // what it moves off the comb (mean, sidebands, harmonics) changes the force. Here the motion is the measured
 // tones and, at every other harmonic n of the period up to a band limit, o_n = chi_n F_n(p, motion); the
-// parameters minimise the weighted residuals of the force balance (paper, equation 8) at the tones under that
+// parameters minimise the whitened residuals of the force balance (paper, equation 8) at the tones under that
 // constraint.
 //
 // Gauss-Newton on p and o together. With G the spectrum of F'(d(t)), a change of motion changes the force at
@@ -42,7 +42,7 @@ class SelfConsistentFit {
 
   struct Solution {
     Parameters p{};
-    double cost = std::numeric_limits<double>::infinity();  // sum of weight |residual|^2 over the tones
+    double cost = std::numeric_limits<double>::infinity();  // |L^-1 residuals|^2
     std::uint32_t iterations = 0;
     bool converged = false;
     std::array<bool, count> fixed{};  // at a bound
@@ -61,7 +61,8 @@ class SelfConsistentFit {
         motion_(harmonics.band() + 1),
         tones_(harmonics.tones().size()),
         forces_(harmonics.tones().size()),
-        weights_(harmonics.tones().size()) {
+        whitening_(rows_, rows_),
+        response_(unknowns_, rows_) {
     for (auto& derivative : derivatives_) derivative.resize(motion_.size());
     for (Linearized* at : {&current_, &best_}) {
       at->base.resize(motion_.size());
@@ -71,14 +72,15 @@ class SelfConsistentFit {
     }
   }
 
-  // `tones`: measured motion, nm; `forces`: measured forces, nN; `weights`: of squared residuals, one a tone
-  // each.
-  void set_measured(std::span<const std::complex<double>> tones, std::span<const std::complex<double>> forces,
-                    std::span<const double> weights) {
+  // `tones`: measured motion, nm; `forces`: measured forces, nN; one a tone each.
+  void set_measured(std::span<const std::complex<double>> tones,
+                    std::span<const std::complex<double>> forces) {
     std::ranges::copy(tones, tones_.begin());
     std::ranges::copy(forces, forces_.begin());
-    std::ranges::copy(weights, weights_.begin());
   }
+  // Lower triangular L: residuals and Jacobian are multiplied by L^-1 before they are squared. Rows (re, im)
+  // of every tone; the covariance of the measured forces is L L' where it is known.
+  void set_whitening(const Eigen::MatrixXd& root) { whitening_ = root; }
   void set_bounds(std::span<const Bounds> bounds) {
     for (std::size_t k = 0; k < count; ++k) bounded_[k] = Bounded(bounds[k].lower, bounds[k].upper);
   }
@@ -87,7 +89,7 @@ class SelfConsistentFit {
   Solution solve(const Parameters& p, std::size_t level, std::uint32_t most) {
     Solution solution;
     std::ranges::fill(motion_, 0.0);
-    Coordinates x = coordinates(p), step = Coordinates::Zero();
+    Coordinates x = coordinates(p), step = Coordinates::Zero(), whole = step;
     best_.cost = std::numeric_limits<double>::infinity();
     double damping = 0.0;
     std::size_t watched = 0;
@@ -108,7 +110,9 @@ class SelfConsistentFit {
       }
       const Linearized& from = watched > 0 ? current_ : best_;
       if (!std::isfinite(from.cost)) break;
-      step = damped_step(from, damping);
+      const Coordinates next = damped_step(from, damping);
+      step = better || watched > 0 ? relaxed(next, whole, step) : next;
+      whole = next;
       x = from.x + step;
       solution.converged = better && is_small(step, from);
       move(x, from);
@@ -122,13 +126,41 @@ class SelfConsistentFit {
     return solution;
   }
 
-  // Of the last solution: F_model - F_measured in nN, rows (re, im) of every tone, and its total derivative
-  // with respect to the parameters, the motion off the comb following.
+  // Of the last solution: F_model - F_measured, rows (re, im) of every tone, and its total derivative with
+  // respect to the parameters, the motion off the comb following; both whitened.
   const Eigen::VectorXd& residuals() const { return best_.residuals; }
   const Eigen::MatrixXd& jacobian() const { return best_.jacobian; }
 
-  // Of the last solution: by how much the next finer quadrature changes the model's phasors, nN, rows as
-  // above.
+  // Of the last solution, when it converged: dF_model/dd, nN/nm, by (re, im) of every tone's motion, the
+  // motion off the comb following in its strongly coupled part. rows x rows.
+  void stiffness_at_tones(Eigen::MatrixXd& derivative) {
+    const auto& strong = harmonics_->strong();
+    const auto tones = harmonics_->tones();
+    couple(strong, tones, response_);
+    for (std::size_t s = 0; s < strong.size(); ++s) {
+      const Complex chi = harmonics_->response()[strong[s]];
+      for (Eigen::Index column = 0; column < rows_; ++column) {
+        const Complex moved =
+            chi * Complex(response_(index(2 * s), column), response_(index(2 * s + 1), column));
+        response_(index(2 * s), column) = moved.real();
+        response_(index(2 * s + 1), column) = moved.imag();
+      }
+    }
+    couple(tones, tones, derivative);
+    for (Eigen::Index column = 0; column < rows_; ++column) {
+      solved_ = factor_.solve(response_.col(column));
+      for (std::size_t i = 0; i < tones.size(); ++i)
+        for (std::size_t s = 0; s < strong.size(); ++s) {
+          const auto [re, im] = coupling(tones[i], strong[s]);
+          const Complex change = re * solved_(index(2 * s)) + im * solved_(index(2 * s + 1));
+          derivative(index(2 * i), column) += change.real();
+          derivative(index(2 * i + 1), column) += change.imag();
+        }
+    }
+  }
+
+  // Of the last solution: by how much the next finer quadrature changes the model's phasors, rows as above,
+  // whitened.
   void refine_quadrature(const Parameters& p, std::size_t level, Eigen::VectorXd& change) {
     spectrum_.set_motion(motion_);
     spectrum_.template force<Model>(p.data(), level, force_);
@@ -142,6 +174,7 @@ class SelfConsistentFit {
         change(index(2 * i + 1)) += weight * force.imag();
       }
     }
+    whiten(change);
   }
 
  private:
@@ -153,8 +186,8 @@ class SelfConsistentFit {
     Coordinates x = Coordinates::Zero();
     Spectrum base;                         // motion off the comb after the Newton step at fixed parameters
     std::array<Spectrum, count> response;  // its derivatives
-    Eigen::VectorXd residuals;             // at `base`, to first order
-    Eigen::MatrixXd jacobian;              // total, by parameters
+    Eigen::VectorXd residuals;             // at `base`, to first order; whitened
+    Eigen::MatrixXd jacobian;              // total, by parameters; whitened
     double cost = std::numeric_limits<double>::infinity();
   };
 
@@ -185,6 +218,24 @@ class SelfConsistentFit {
     if (n == 0) return {stiffness(k).real(), stiffness(k).imag()};
     const Complex direct = stiffness(j - k), mirrored = stiffness(j + k);
     return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
+  }
+
+  // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
+  void couple(std::span<const std::size_t> rows, std::span<const std::size_t> columns,
+              Eigen::MatrixXd& matrix) const {
+    for (std::size_t j = 0; j < columns.size(); ++j)
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        const auto [re, im] = coupling(rows[i], columns[j]);
+        matrix(index(2 * i), index(2 * j)) = re.real();
+        matrix(index(2 * i + 1), index(2 * j)) = re.imag();
+        matrix(index(2 * i), index(2 * j + 1)) = im.real();
+        matrix(index(2 * i + 1), index(2 * j + 1)) = im.imag();
+      }
+  }
+
+  template <typename Matrix>
+  void whiten(Matrix& values) const {
+    whitening_.template triangularView<Eigen::Lower>().solveInPlace(values);
   }
 
   // Evaluates the model at x along motion_ (its off-comb part), and solves the linearised constraint.
@@ -237,7 +288,6 @@ class SelfConsistentFit {
 
   // Residuals at the tones after the motion's step, and their total derivatives.
   void project() {
-    current_.cost = 0.0;
     for (std::size_t i = 0; i < tones_.size(); ++i) {
       const std::size_t tone = harmonics_->tones()[i];
       Complex residual = force_[tone] - forces_[i];
@@ -257,8 +307,10 @@ class SelfConsistentFit {
         current_.jacobian(index(2 * i), index(k)) = slopes[k].real();
         current_.jacobian(index(2 * i + 1), index(k)) = slopes[k].imag();
       }
-      current_.cost += weights_[i] * std::norm(residual);
     }
+    whiten(current_.residuals);
+    whiten(current_.jacobian);
+    current_.cost = current_.residuals.squaredNorm();
   }
 
   double slope(std::size_t k, const Linearized& at) const {
@@ -271,12 +323,11 @@ class SelfConsistentFit {
     Eigen::Matrix<double, count, count> normal = Eigen::Matrix<double, count, count>::Zero();
     Coordinates right = Coordinates::Zero(), scale;
     for (Eigen::Index row = 0; row < rows_; ++row) {
-      const double weight = weights_[static_cast<std::size_t>(row / 2)];
       for (std::size_t k = 0; k < count; ++k) {
         const double at_k = at.jacobian(row, index(k)) * slope(k, at);
-        right(index(k)) -= weight * at_k * at.residuals(row);
+        right(index(k)) -= at_k * at.residuals(row);
         for (std::size_t l = 0; l < count; ++l)
-          normal(index(k), index(l)) += weight * at_k * at.jacobian(row, index(l)) * slope(l, at);
+          normal(index(k), index(l)) += at_k * at.jacobian(row, index(l)) * slope(l, at);
       }
     }
     for (std::size_t k = 0; k < count; ++k) {
@@ -296,6 +347,14 @@ class SelfConsistentFit {
     return shrink < 1.0 ? Coordinates(shrink * step) : step;
   }
 
+  // Where the residuals are large Gauss-Newton steps overshoot, even to and fro without end. Near the minimum
+  // they change linearly, by `next` - `whole` over the last step `taken`: so far as that says, `next` ends in
+  // the minimum.
+  static Coordinates relaxed(const Coordinates& next, const Coordinates& whole, const Coordinates& taken) {
+    const double overshoot = (whole - next).dot(taken) / taken.squaredNorm();
+    return overshoot > 1.0 ? Coordinates(next / std::min(overshoot, most_relaxation)) : next;
+  }
+
   // Nothing changes any more: the parameters, or where the residuals are not small, their squares.
   bool is_small(const Coordinates& step, const Linearized& at) const {
     bool still = true;
@@ -310,7 +369,7 @@ class SelfConsistentFit {
       double change = 0.0;
       for (std::size_t k = 0; k < count; ++k)
         change += at.jacobian(row, index(k)) * slope(k, at) * step(index(k));
-      decrease += weights_[static_cast<std::size_t>(row / 2)] * change * change;
+      decrease += change * change;
     }
     return decrease <= cost_tolerance * at.cost;
   }
@@ -333,6 +392,7 @@ class SelfConsistentFit {
   // then the search goes back (watchdog technique, Chamberlain et al. 1982).
   static constexpr std::size_t watch = 3;
   static constexpr double least_damping = 1e-8;
+  static constexpr double most_relaxation = 10.0;
   static constexpr double longest_step_nm = 2.0;  // of the surface position
   static constexpr double longest_step = 0.7;     // of other parameters, relative
 
@@ -345,7 +405,8 @@ class SelfConsistentFit {
   Spectrum force_, motion_;
   std::array<Spectrum, count> derivatives_;
   std::vector<Complex> tones_, forces_;
-  std::vector<double> weights_;
+  Eigen::MatrixXd whitening_;  // L
+  Eigen::MatrixXd response_;   // of the motion off the comb to that at the tones
   std::array<Bounded, count> bounded_;
   Linearized current_, best_;
 };

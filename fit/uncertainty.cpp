@@ -73,35 +73,35 @@ std::array<double, max_parameters> minimum_shift(const Linearization& at,
   return result;
 }
 
-bool estimate_uncertainty(const Linearization& at, Eigen::Ref<const Eigen::VectorXd> residuals,
-                          std::span<const double> variances, bool noise_known, FitResult& result) {
+bool estimate_uncertainty(const Linearization& at, Eigen::Ref<const Eigen::MatrixXd> covariance, double chi2,
+                          bool noise_known, FitResult& result) {
   const Normal normal = normal_equations(at);
   if (!noise_known || !normal.regular) return normal.regular;
   const Eigen::Index count = at.jacobian.cols(), rows = at.jacobian.rows();
+  const auto weighted = [&](Eigen::Index row, Eigen::Index k) {
+    return at.weights[static_cast<std::size_t>(row / 2)] * at.jacobian(row, k) * normal.scale(k);
+  };
   Small meat = Small::Zero(count, count);
-  double chi2 = 0.0;
-  for (Eigen::Index row = 0; row < rows; ++row) {
-    const double weight = at.weights[static_cast<std::size_t>(row / 2)];
-    const double variance = variances[static_cast<std::size_t>(row / 2)];
-    chi2 += residuals(row) * residuals(row) / variance;
-    for (Eigen::Index k = 0; k < count; ++k)
-      for (Eigen::Index l = 0; l < count; ++l)
-        meat(k, l) += weight * weight * variance * at.jacobian(row, k) * normal.scale(k) *
-                      at.jacobian(row, l) * normal.scale(l);
-  }
+  for (Eigen::Index i = 0; i < rows; ++i)
+    for (Eigen::Index j = 0; j < rows; ++j) {
+      if (covariance(i, j) == 0.0) continue;
+      for (Eigen::Index k = 0; k < count; ++k)
+        for (Eigen::Index l = 0; l < count; ++l)
+          meat(k, l) += weighted(i, k) * covariance(i, j) * weighted(j, l);
+    }
   const Small inverse = normal.factor.solve(Small::Identity(count, count));
-  const Small covariance = inverse * meat * inverse;
+  const Small of_parameters = inverse * meat * inverse;
   Eigen::Index free = 0;
   for (Eigen::Index k = 0; k < count; ++k) {
     if (normal.scale(k) == 0.0) continue;
     ++free;
-    result.std_errors[static_cast<std::size_t>(k)] = normal.scale(k) * std::sqrt(covariance(k, k));
+    result.std_errors[static_cast<std::size_t>(k)] = normal.scale(k) * std::sqrt(of_parameters(k, k));
   }
   std::size_t pair = 0;
   for (Eigen::Index k = 0; k < count; ++k)
     for (Eigen::Index l = k + 1; l < count; ++l, ++pair)
       if (normal.scale(k) > 0.0 && normal.scale(l) > 0.0)
-        result.correlation[pair] = covariance(k, l) / std::sqrt(covariance(k, k) * covariance(l, l));
+        result.correlation[pair] = of_parameters(k, l) / std::sqrt(of_parameters(k, k) * of_parameters(l, l));
   if (rows > free && std::isfinite(chi2)) result.chi2_reduced = chi2 / static_cast<double>(rows - free);
   return true;
 }

@@ -22,12 +22,12 @@ std::array<double, max_parameters> minimum_shift(const Linearization& at,
                                                  Eigen::Ref<const Eigen::VectorXd> shift);
 
 // Fills std_errors, correlation and chi2_reduced of `result`:
-//     cov = (J'WJ)^-1 J'W S WJ (J'WJ)^-1,   S = diag(variances), of each quadrature;
-//     chi2_reduced = sum |r_i|^2/S_i / (rows - free parameters), NaN when there are no degrees of freedom.
+//     cov = (J'WJ)^-1 J'W S WJ (J'WJ)^-1,   S = `covariance` of the residuals, rows x rows;
+//     chi2_reduced = chi2 / (rows - free parameters), NaN when there are no degrees of freedom.
 // NaN for fixed parameters, and where a parameter is not determined at all. Returns whether J'WJ, scaled to a
 // unit diagonal, has eigenvalues within 1e-12 of each other: beyond, the parameters are not determined. Does
 // not allocate.
-bool estimate_uncertainty(const Linearization& at, Eigen::Ref<const Eigen::VectorXd> residuals,
-                          std::span<const double> variances, bool noise_known, FitResult& result);
+bool estimate_uncertainty(const Linearization& at, Eigen::Ref<const Eigen::MatrixXd> covariance, double chi2,
+                          bool noise_known, FitResult& result);
 
 }  // namespace combforce

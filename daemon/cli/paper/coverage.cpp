@@ -61,17 +61,17 @@ std::vector<double> bound_of(const FitConditions& conditions, const Phasors& tip
   SelfConsistentFit<Model> fit(harmonics);
   std::vector<Bounds> bounds;
   for (const ParameterInfo& info : Model::model.parameters) bounds.push_back({info.lower, info.upper});
-  std::vector<double> weights;
-  for (const double variance : measured.variances()) weights.push_back(1.0 / variance);
+  const Eigen::Index rows = measured.covariance().rows();
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(rows, rows);
+  for (Eigen::Index row = 0; row < rows; ++row)
+    root(row, row) = std::sqrt(measured.variances()[static_cast<std::size_t>(row / 2)]);
   fit.set_bounds(bounds);
-  fit.set_measured(tip_nm, measured.phasors(), weights);
+  fit.set_whitening(root);
+  fit.set_measured(tip_nm, measured.phasors());
   typename SelfConsistentFit<Model>::Parameters start;
   std::ranges::copy(truth, start.begin());
   fit.solve(start, 1, most_refinements);
-  Eigen::MatrixXd whitened = fit.jacobian();
-  for (Eigen::Index row = 0; row < whitened.rows(); ++row)
-    whitened.row(row) *= std::sqrt(weights[static_cast<std::size_t>(row / 2)]);
-  const Eigen::MatrixXd information = whitened.transpose() * whitened;
+  const Eigen::MatrixXd information = fit.jacobian().transpose() * fit.jacobian();
   const Eigen::MatrixXd covariance =
       information.ldlt().solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
   std::vector<double> bound;

@@ -1,0 +1,185 @@
+// The covariance of the measured forces: thermal noise in the window and at its ends, and the detector's
+// noise, which the surface answers to.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "fit/hertz.hpp"
+#include "fit/measured_force.hpp"
+#include "fit/self_consistent.hpp"
+#include "fit/units.hpp"
+#include "tests/unit/fit/paper_cantilever.hpp"
+
+namespace combforce::test {
+namespace {
+
+using Complex = std::complex<double>;
+
+// Peak phasor over [0, T], at w, of a mode that decays freely from position q and velocity v: the exact
+// integral of exp((-w_m/2Q +- i w_d) t).
+Complex phasor_of_decay(const Mode& mode, double q, double v, double w, double t_end, double& q_end,
+                        double& v_end) {
+  const double w_mode = 2.0 * std::numbers::pi * mode.frequency_hz;
+  const double rate = w_mode / (2.0 * mode.quality_factor);
+  const double turning = std::sqrt(w_mode * w_mode - rate * rate);
+  // q(t) = Re[a exp(s t)], s = -rate + i turning.
+  const Complex s(-rate, turning), a(q, -(v + rate * q) / turning);
+  const Complex end = a * std::exp(s * t_end);
+  q_end = end.real();
+  v_end = (s * end).real();
+  const auto integral = [&](Complex amplitude, Complex exponent) {
+    return amplitude * (std::exp(exponent * t_end) - 1.0) / exponent;
+  };
+  const Complex at_minus_w(0.0, -w);
+  return (integral(a, s + at_minus_w) + integral(std::conj(a), std::conj(s) + at_minus_w)) / t_end;
+}
+
+// Nothing acts on a mode that decays freely: what chi^-1 makes of its phasors is the window's end alone. Two
+// decays give the forces of a unit dq and of a unit dv.
+TEST(ThermalForceCovariance, WindowEndIsTheForceThatAFreeDecaySeemsToFeel) {
+  const Cantilever cantilever{{{117e3, 212.0, 4.0, 1.0}}};
+  const Mode& mode = cantilever.modes[0];
+  const std::vector<double> frequencies_hz{115e3, 116.5e3, 117e3, 119e3};
+  const double window_s = 2e-3, temperature_k = 300.0, w_mode = 2.0 * std::numbers::pi * mode.frequency_hz;
+  Eigen::MatrixXd forces(8, 2);
+  Eigen::Matrix2d changes;
+  for (Eigen::Index decay = 0; decay < 2; ++decay)
+    for (std::size_t i = 0; i < 4; ++i) {
+      const double q = decay == 0 ? 1.0 : 0.0, v = decay == 0 ? 0.0 : w_mode;
+      double q_end = 0.0, v_end = 0.0;
+      const Complex force =
+          phasor_of_decay(mode, q, v, 2.0 * std::numbers::pi * frequencies_hz[i], window_s, q_end, v_end) /
+          tip_response(cantilever, frequencies_hz[i]);
+      forces(static_cast<Eigen::Index>(2 * i), decay) = force.real();
+      forces(static_cast<Eigen::Index>(2 * i + 1), decay) = force.imag();
+      changes(0, decay) = q_end - q;
+      changes(1, decay) = (v_end - v) / w_mode;
+    }
+  const double nm = 2.0 * std::sqrt(2.0 * boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m);
+  const Eigen::MatrixXd of_unit = nm * forces * changes.inverse();
+  Eigen::MatrixXd expected = of_unit * of_unit.transpose();
+  for (Eigen::Index i = 0; i < 8; ++i)
+    expected(i, i) += thermal_force_density(mode, temperature_k) / window_s;
+  const Eigen::MatrixXd covariance =
+      thermal_force_covariance(cantilever, frequencies_hz, temperature_k, 1.0 / window_s, 1);
+  EXPECT_LT((covariance - expected).norm(), 1e-9 * expected.norm());
+  // Contiguous windows are one longer window: the ends' share falls as its square, the rest as its length.
+  const Eigen::MatrixXd longer =
+      thermal_force_covariance(cantilever, frequencies_hz, temperature_k, 1.0 / window_s, 4);
+  EXPECT_NEAR(longer(0, 4), covariance(0, 4) / 16.0, 1e-9 * covariance(0, 4));
+}
+
+TEST(ThermalForceCovariance, IsDiagonalWithOneToneAMode) {
+  const std::vector<double> frequencies_hz{117e3, 674e3, 1758e3, 3235e3};
+  const Eigen::MatrixXd covariance =
+      thermal_force_covariance(paper_cantilever(), frequencies_hz, 300.0, 500.0, 1);
+  for (Eigen::Index i = 0; i < 8; ++i) {
+    const double variance =
+        500.0 * tip_force_density(paper_cantilever(), frequencies_hz[static_cast<std::size_t>(i / 2)], 300.0);
+    EXPECT_NEAR(covariance.row(i).norm(), variance, 1e-12 * variance) << i;
+    EXPECT_DOUBLE_EQ(covariance(i, i), variance) << i;
+  }
+}
+
+class HertzBalance {
+ public:
+  HertzBalance()
+      : conditions_(paper_conditions("hertz", bins_, Phasors(4))),
+        harmonics_(conditions_.comb, conditions_.cantilever, paper_delta_f_hz),
+        fit_(harmonics_) {
+    fit_.set_whitening(Eigen::MatrixXd::Identity(8, 8));
+    // Held at these parameters, the fit finds the motion alone.
+    const std::vector<Bounds> bounds{{-40.0 - 1e-9, -40.0 + 1e-9}, {1.0 - 1e-9, 1.0 + 1e-9}};
+    fit_.set_bounds(bounds);
+  }
+
+  // F_model at the tones, the motion off the comb in equilibrium.
+  Eigen::VectorXd forces(const Phasors& tip_nm) {
+    fit_.set_measured(tip_nm, Phasors(4));
+    fit_.solve({-40.0, 1.0}, 1, 20);
+    return fit_.residuals();
+  }
+  Eigen::MatrixXd stiffness() {
+    Eigen::MatrixXd derivative(8, 8);
+    fit_.stiffness_at_tones(derivative);
+    return derivative;
+  }
+
+ private:
+  std::vector<std::uint64_t> bins_{232, 234, 236, 1348};
+  FitConditions conditions_;
+  Harmonics harmonics_;
+  SelfConsistentFit<Hertz> fit_;
+};
+
+TEST(StiffnessAtTones, IsTheDerivativeOfTheModelsForces) {
+  HertzBalance balance;
+  const Phasors tip_nm{{0.3, -0.2}, {2.0, -36.0}, {-0.1, 0.4}, {1.0, -8.5}};
+  balance.forces(tip_nm);
+  const Eigen::MatrixXd stiffness = balance.stiffness();
+  const double step_nm = 1e-3;
+  Eigen::MatrixXd expected(8, 8);
+  for (std::size_t column = 0; column < 8; ++column) {
+    Phasors up = tip_nm, down = tip_nm;
+    const Complex step = column % 2 == 0 ? Complex(step_nm, 0.0) : Complex(0.0, step_nm);
+    up[column / 2] += step;
+    down[column / 2] -= step;
+    expected.col(static_cast<Eigen::Index>(column)) =
+        (balance.forces(up) - balance.forces(down)) / (2.0 * step_nm);
+  }
+  // Weakly coupled harmonics do not follow, and derivatives are good to 1e-3.
+  EXPECT_LT((stiffness - expected).norm(), 2e-2 * expected.norm());
+}
+
+// The detector's noise moves the model's forces too: mostly so where the contact is stiff.
+TEST(DetectorNoise, StandardErrorsHoldUnderIt) {
+  const std::vector<std::uint64_t> bins{234, 1348};
+  const Phasors tip_nm{{2.0, -36.0}, {1.0, -8.5}};
+  const double density = 2e-4;  // nm/sqrt(Hz): 4.5 pm a quadrature
+  FitConditions conditions = paper_conditions("hertz", bins, Phasors(2));
+  conditions.noise = Noise{1.0, {density}};  // heat, which is not drawn, counts for little
+  conditions.settings.refine = 30;
+  const Harmonics harmonics(conditions.comb, conditions.cantilever, paper_delta_f_hz);
+  SelfConsistentFit<Hertz> model(harmonics);
+  model.set_whitening(Eigen::MatrixXd::Identity(4, 4));
+  const std::vector<Bounds> held{{-40.0 - 1e-9, -40.0 + 1e-9}, {1.0 - 1e-9, 1.0 + 1e-9}};
+  model.set_bounds(held);
+  model.set_measured(tip_nm, Phasors(2));
+  model.solve({-40.0, 1.0}, 1, 20);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto row = static_cast<Eigen::Index>(2 * i);
+    conditions.free_response->mean_nm[i] =
+        tip_nm[i] - tip_response(conditions.cantilever, paper_delta_f_hz * static_cast<double>(bins[i])) *
+                        Complex(model.residuals()(row), model.residuals()(row + 1));
+  }
+  PixelFitter fitter(conditions);
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal(0.0, density * std::sqrt(paper_delta_f_hz));
+  constexpr int draws = 400;
+  double squares[2]{}, chi2 = 0.0;
+  for (int draw = 0; draw < draws; ++draw) {
+    Phasors noisy = tip_nm;
+    for (Complex& tone : noisy) {
+      const double re = normal(random), im = normal(random);
+      tone += Complex(re, im);
+    }
+    FitResult result;
+    fitter.fit(noisy, result);
+    chi2 += result.chi2_reduced / draws;
+    squares[0] += std::pow((result.parameters[0] + 40.0) / result.std_errors[0], 2) / draws;
+    squares[1] += std::pow((result.parameters[1] - 1.0) / result.std_errors[1], 2) / draws;
+  }
+  // Means of 400 squares of deviates spread by sqrt(2/400) = 0.07; four times that.
+  EXPECT_NEAR(squares[0], 1.0, 0.28);
+  EXPECT_NEAR(squares[1], 1.0, 0.28);
+  EXPECT_NEAR(chi2, 1.0, 0.2);  // two degrees of freedom: four times sqrt(1/400)
+}
+
+}  // namespace
+}  // namespace combforce::test
