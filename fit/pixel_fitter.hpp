@@ -33,8 +33,8 @@ struct FitSettings {
   std::string model = "dmt";
   unsigned refine =
       0;  // 0: the paper's partial motion; else at most so many iterations beyond, from each start
-  // none: E as the paper has it (equation 9). A refined fit always weighs by the noise, or where none is
-  // known, by the share of thermal forces at each tone.
+  // none: E as the paper has it (equation 9). A refined fit always whitens by the noise's covariance
+  // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;
   std::vector<ParameterBounds> bounds;  // override the model's own
 
