@@ -45,6 +45,7 @@ struct BlockHeader {
 
   std::uint32_t epoch = 0;
   EpochReason epoch_reason = EpochReason::start;  // why `epoch` began
+  std::uint64_t epoch_first_sample = 0;           // where it began: a phase reference from before is void
   std::uint64_t first_sample = 0;
   std::uint32_t frames = 0;
   std::uint16_t channels = 1;

@@ -57,6 +57,8 @@ Json encode_capture(const SigmfCapture& capture, std::uint32_t previous_epoch) {
   if (capture.epoch != previous_epoch) {
     object["afm:epoch"] = capture.epoch;
     object["afm:epoch_reason"] = epoch_reason_names[static_cast<std::size_t>(capture.epoch_reason)];
+    if (capture.epoch_first_sample != capture.global_index)
+      object["afm:epoch_first_sample"] = capture.epoch_first_sample;
   }
   if (!capture.steps.empty()) object["afm:steps"] = capture.steps;
   if (!capture.scan_ends.empty()) object["afm:scan_ends"] = capture.scan_ends;

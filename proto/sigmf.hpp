@@ -1,8 +1,9 @@
 // SigMF 1.2.5 metadata with the extension afm 0.1.0 (recording contract). No samples: drivers/replay reads
 // them, daemon/record writes them.
 //
-// Keys of captures beyond the contract's table: afm:epoch, afm:epoch_reason (a break of the clock; both stay
-// in force until the next break), afm:steps, afm:scan_ends, and afm:free_response may be null. Not readable,
+// Keys of captures beyond the contract's table: afm:epoch, afm:epoch_reason and afm:epoch_first_sample (a
+// break of the clock and where in the stream it was; all stay in force until the next break), afm:steps,
+// afm:scan_ends, and afm:free_response may be null. Not readable,
 // with an error that says so: non-conforming datasets (core:dataset, core:trailing_bytes, core:header_bytes),
 // core:metadata_only, and parts of split recordings (core:offset).
 #pragma once
@@ -43,6 +44,9 @@ struct SigmfCapture {
   std::optional<std::string> datetime;
   std::uint32_t epoch = 0;  // that of the previous capture (0 for the first) when the file does not say
   EpochReason epoch_reason = EpochReason::start;
+  // Where in the stream the epoch began, <= global_index; that of its first capture when the file does not
+  // say, 0 in epoch 0.
+  std::uint64_t epoch_first_sample = 0;
   std::vector<std::uint64_t> steps;      // stream samples of commanded steps (drive, set-point), ascending
   std::vector<std::uint64_t> scan_ends;  // first stream samples after a scan ended or was stopped, ascending
   Description changes;                   // afm: objects valid from here on

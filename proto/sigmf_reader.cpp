@@ -177,13 +177,17 @@ class Reader {
     if (!meta_.captures.empty()) {
       capture.epoch = meta_.captures.back().epoch;
       capture.epoch_reason = meta_.captures.back().epoch_reason;
+      capture.epoch_first_sample = meta_.captures.back().epoch_first_sample;
     }
     if (const auto epoch = view.find("afm:epoch"); epoch && epoch->integer() != capture.epoch) {
       capture.epoch = static_cast<std::uint32_t>(epoch->integer(capture.epoch, max_u32));
       capture.epoch_reason = EpochReason::unknown_loss;
+      capture.epoch_first_sample = capture.global_index;
     }
     if (const auto reason = view.find("afm:epoch_reason"))
       capture.epoch_reason = static_cast<EpochReason>(reason->one_of(epoch_reason_names));
+    if (const auto first = view.find("afm:epoch_first_sample"))
+      capture.epoch_first_sample = first->integer(0, capture.global_index);
     capture.steps = read_ascending(view, "afm:steps");
     capture.scan_ends = read_ascending(view, "afm:scan_ends");
     Json object = view.json();
@@ -193,7 +197,9 @@ class Reader {
     }
     capture.changes = decode_description(JsonView(object, view.file(), view.pointer()), "afm:", unknown_);
     check_channels(view, capture.changes);
-    warn_of_unknown(view, description_keys, {"afm:epoch", "afm:epoch_reason", "afm:steps", "afm:scan_ends"});
+    warn_of_unknown(
+        view, description_keys,
+        {"afm:epoch", "afm:epoch_reason", "afm:epoch_first_sample", "afm:steps", "afm:scan_ends"});
     return capture;
   }
 

@@ -65,7 +65,8 @@ bool RecordingIndex::begin_block(const BlockHeader& header, UtcTime utc) {
     ++gaps_;
     lost_frames_ += lost;
   }
-  segments_.push_back({frames_, header.first_sample, header.epoch, header.epoch_reason, utc});
+  segments_.push_back(
+      {frames_, header.first_sample, header.epoch, header.epoch_reason, header.epoch_first_sample, utc});
   return true;
 }
 
@@ -108,6 +109,7 @@ SigmfCapture RecordingIndex::capture_at(std::uint64_t file_frame) const {
   capture.datetime = iso8601(segment.utc + std::chrono::duration_cast<UtcTime::duration>(seconds));
   capture.epoch = segment.epoch;
   capture.epoch_reason = segment.epoch_reason;
+  capture.epoch_first_sample = segment.epoch_first_sample;
   return capture;
 }
 

@@ -45,6 +45,7 @@ class RecordingIndex {
     std::uint64_t file_first, first_sample;
     std::uint32_t epoch;
     EpochReason epoch_reason;
+    std::uint64_t epoch_first_sample;
     UtcTime utc;
   };
   struct Change {

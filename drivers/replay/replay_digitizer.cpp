@@ -155,6 +155,7 @@ class ReplayDigitizer::Impl {
       BlockHeader& header = block.header;
       header.epoch = run.epoch;
       header.epoch_reason = run.epoch_reason;
+      header.epoch_first_sample = run.epoch_first_sample;
       header.channels = static_cast<std::uint16_t>(meta_.num_channels);
       header.format = info_.format;
       header.lost_before = run.lost_before;

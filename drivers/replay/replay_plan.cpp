@@ -21,11 +21,12 @@ std::vector<ReplayRun> plan_runs(const SigmfMeta& meta, std::uint64_t data_frame
     const std::uint64_t frames = end - capture.sample_start;
     const bool new_epoch = runs.empty() || capture.epoch > epoch;
     if (new_epoch || capture.global_index > next_sample) {
-      ReplayRun run{frames, capture.global_index, 0, 0, EpochReason::start};
-      run.lost_before = new_epoch ? 0 : capture.global_index - next_sample;
-      run.epoch = new_epoch ? capture.epoch : epoch;
-      run.epoch_reason = new_epoch ? capture.epoch_reason : runs.back().epoch_reason;
-      runs.push_back(run);
+      runs.push_back({.frames = frames,
+                      .first_sample = capture.global_index,
+                      .lost_before = new_epoch ? 0 : capture.global_index - next_sample,
+                      .epoch = capture.epoch,
+                      .epoch_reason = capture.epoch_reason,
+                      .epoch_first_sample = capture.epoch_first_sample});
     } else {
       runs.back().frames += frames;
     }

@@ -18,6 +18,7 @@ struct ReplayRun {
   std::uint64_t lost_before = 0;  // since the run before it, in the same epoch
   std::uint32_t epoch = 0;
   EpochReason epoch_reason = EpochReason::start;
+  std::uint64_t epoch_first_sample = 0;
 
   bool operator==(const ReplayRun&) const = default;
 };

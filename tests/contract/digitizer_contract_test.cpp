@@ -84,13 +84,16 @@ TEST_P(DigitizerContract, BlocksKeepTheSampleIndexRule) {
     EXPECT_EQ(header.channels, info.channels.size());
     EXPECT_EQ(header.format, info.format);
     EXPECT_EQ(header.epoch_reason == EpochReason::start, header.epoch == 0);
+    EXPECT_LE(header.epoch_first_sample, header.first_sample);
     if (i == 0) continue;
     const std::uint64_t end = headers_[i - 1].first_sample + headers_[i - 1].frames;
     if (header.epoch == headers_[i - 1].epoch) {
       EXPECT_EQ(header.first_sample, end + header.lost_before) << "block " << i;
+      EXPECT_EQ(header.epoch_first_sample, headers_[i - 1].epoch_first_sample);
     } else {
       EXPECT_GT(header.epoch, headers_[i - 1].epoch);
       EXPECT_GE(header.first_sample, end) << "block " << i;
+      EXPECT_GE(header.epoch_first_sample, end);
       EXPECT_EQ(header.lost_before, 0u);
     }
   }

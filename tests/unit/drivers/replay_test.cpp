@@ -116,7 +116,8 @@ TEST_F(ReplayTest, JumpsOfTheGlobalIndexAreLosses) {
   write(ramp(30), R"([{"core:sample_start": 0, "core:global_index": 100},
                       {"core:sample_start": 10, "core:global_index": 110},
                       {"core:sample_start": 15, "core:global_index": 122},
-                      {"core:sample_start": 25, "core:global_index": 200, "afm:epoch": 2, "afm:epoch_reason": "device_restart"}])");
+                      {"core:sample_start": 25, "core:global_index": 200, "afm:epoch": 2, "afm:epoch_reason": "device_restart",
+                       "afm:epoch_first_sample": 190}])");
   ReplayDigitizer digitizer = open();
   const auto blocks = run_to_end(digitizer);
   ASSERT_EQ(blocks.size(), 3u);  // the contiguous capture at 10 cuts no block
@@ -129,6 +130,8 @@ TEST_F(ReplayTest, JumpsOfTheGlobalIndexAreLosses) {
   EXPECT_EQ(blocks[2].header.lost_before, 0u);
   EXPECT_EQ(blocks[2].header.epoch, 2u);
   EXPECT_EQ(blocks[2].header.epoch_reason, EpochReason::device_restart);
+  EXPECT_EQ(blocks[1].header.epoch_first_sample, 0u);
+  EXPECT_EQ(blocks[2].header.epoch_first_sample, 190u);
   EXPECT_EQ(codes_of(blocks), numbers(30));
   EXPECT_EQ(digitizer.status().lost_frames, 7u);
   EXPECT_EQ(digitizer.status().epoch, 2u);

@@ -92,6 +92,8 @@ constexpr Malformed capture_cases[] = {
     {"/captures/1/core:header_bytes", "16", "/captures/1/core:header_bytes", "non-conforming"},
     {"/captures/2/afm:epoch", "-1", "/captures/2/afm:epoch", "must be in [0,"},
     {"/captures/2/afm:epoch", "2", "/captures/3/afm:epoch", "must be in [2,"},
+    {"/captures/3/afm:epoch_first_sample", "10001", "/captures/3/afm:epoch_first_sample",
+     "must be in [0, 10000]"},
     {"/captures/3/afm:epoch_reason", "\"bad luck\"", "/captures/3/afm:epoch_reason", "must be one of"},
     {"/captures/2/afm:steps", "[5500, 5499]", "/captures/2/afm:steps/1", "must be in [5500,"},
     {"/captures/2/afm:free_response/mean_nm/2", "[0, 0]", "/captures/2",

@@ -52,6 +52,7 @@ TEST(Sigmf, ReadsGapsEpochsStepsAndChanges) {
   EXPECT_EQ(captures[2].epoch, 0U);
   EXPECT_EQ(captures[3].epoch, 1U);
   EXPECT_EQ(captures[3].epoch_reason, EpochReason::unknown_loss);
+  EXPECT_EQ(captures[3].epoch_first_sample, 10000U);
   EXPECT_EQ(captures[3].scan_ends, (std::vector<std::uint64_t>{10'000, 10'500}));
 }
 
@@ -196,15 +197,17 @@ TEST(Sigmf, WritesAFreshRecording) {
   meta.captures[0].global_index = 70;
   meta.captures[0].epoch = 2;
   meta.captures[0].epoch_reason = EpochReason::clock_change;
+  meta.captures[0].epoch_first_sample = 60;
   const Json encoded = encode_sigmf(meta);
   EXPECT_EQ(encoded.dump(),
             R"({"global":{"core:datatype":"ri16_le","core:version":"1.2.5","core:sample_rate":8000000.0,)"
             R"("core:num_channels":1,"core:extensions":[{"name":"afm","version":"0.1.0","optional":true}]},)"
             R"("captures":[{"core:sample_start":0,"core:global_index":70,"afm:epoch":2,)"
-            R"("afm:epoch_reason":"clock_change"}],"annotations":[]})");
+            R"("afm:epoch_reason":"clock_change","afm:epoch_first_sample":60}],"annotations":[]})");
   const auto capture = parsed(encoded).captures.at(0);
   EXPECT_EQ(capture.epoch, 2U);
   EXPECT_EQ(capture.epoch_reason, EpochReason::clock_change);
+  EXPECT_EQ(capture.epoch_first_sample, 60U);
 }
 
 TEST(Sigmf, NamesDatatypes) {

@@ -64,6 +64,7 @@ class RecordedSource {
   void break_clock() {
     ++header_.epoch;
     header_.epoch_reason = EpochReason::device_restart;
+    header_.epoch_first_sample = next_;
     header_.lost_before = 0;
   }
   std::uint64_t next() const { return next_; }

@@ -33,6 +33,7 @@ class RecordingIndexTest : public ::testing::Test {
     header.frames = frames;
     header.epoch = epoch;
     header.epoch_reason = epoch == 0 ? EpochReason::start : EpochReason::unknown_loss;
+    header.epoch_first_sample = std::uint64_t{10} * epoch;
     for (const StreamMark& mark : marks) header.marks.at(header.mark_count++) = mark;
     const bool new_capture = index_.begin_block(header, start_utc);
     index_.end_block();
@@ -69,6 +70,7 @@ TEST_F(RecordingIndexTest, GapsAndEpochsAreCaptures) {
   EXPECT_EQ(meta.captures[1].global_index, 15u);
   EXPECT_EQ(meta.captures[2].epoch, 1u);
   EXPECT_EQ(meta.captures[2].epoch_reason, EpochReason::unknown_loss);
+  EXPECT_EQ(meta.captures[2].epoch_first_sample, 10u);
   EXPECT_EQ(meta.captures[3].epoch, 1u);
   EXPECT_EQ(meta.captures[3].global_index, 43u);
   EXPECT_EQ(index_.gaps(), 2u);
