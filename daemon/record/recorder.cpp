@@ -166,6 +166,7 @@ class Recording {
       const std::lock_guard lock(mutex_);
       if (failure_.empty()) failure_ = why;
     }
+    file_.release_reserve();
     sink_.stop_recording();
   }
 

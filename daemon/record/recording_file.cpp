@@ -50,6 +50,9 @@ void write_all(int descriptor, const std::string& path, const char* data, std::s
   }
 }
 
+// Room for the metadata that one second of marks may add.
+constexpr std::size_t least_reserve_bytes = 64 << 10;
+
 }  // namespace
 
 RecordingFile::RecordingFile(SigmfPaths paths) : paths_(std::move(paths)) {
@@ -57,10 +60,14 @@ RecordingFile::RecordingFile(SigmfPaths paths) : paths_(std::move(paths)) {
   data_ = ::open(paths_.data.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0666);
   if (data_ < 0 && errno == EEXIST) throw std::runtime_error(paths_.data + ": exists already");
   if (data_ < 0) fail(paths_.data, "create");
+  const std::string reserve = paths_.meta + ".reserve";
+  reserve_ = ::open(reserve.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  ::unlink(reserve.c_str());
 }
 
 RecordingFile::~RecordingFile() {
   ::close(data_);
+  release_reserve();
 }
 
 void RecordingFile::append(const void* data, std::size_t bytes) {
@@ -96,10 +103,22 @@ void RecordingFile::replace_meta(const SigmfMeta& meta, std::uint64_t version, D
     }
     replaced_version_ = version;
     if (std::rename(next.c_str(), paths_.meta.c_str()) != 0) fail(paths_.meta, "replace");
+    grow_reserve(least_reserve_bytes + 2 * text.size());
   }
   if (!durable) return;
   const std::string directory = std::filesystem::path(paths_.meta).parent_path().string();
   Descriptor(directory.empty() ? "." : directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC).sync();
+}
+
+// Without room for it there is simply none.
+void RecordingFile::grow_reserve(std::size_t bytes) {
+  if (reserve_ < 0 || bytes <= reserved_bytes_) return;
+  if (::posix_fallocate(reserve_, 0, static_cast<off_t>(2 * bytes)) == 0) reserved_bytes_ = 2 * bytes;
+}
+
+void RecordingFile::release_reserve() {
+  const std::lock_guard lock(replace_mutex_);
+  if (reserve_ >= 0) ::close(std::exchange(reserve_, -1));
 }
 
 }  // namespace combforce

@@ -1,6 +1,9 @@
 // The pair of files of a recording while it grows: samples appended, metadata replaced atomically.
 //
-// Thread rule: append(), truncate() and sha512() from one thread; sync() and replace_meta() from any.
+// While it grows it holds back some room on the disk, so that the metadata can still be written when the
+// samples have filled it.
+//
+// Thread rule: append() and sha512() from one thread; sync(), replace_meta() and release_reserve() from any.
 #pragma once
 
 #include <cstddef>
@@ -37,13 +40,20 @@ class RecordingFile {
   // replaces a newer one. At most one thread a durability at a time.
   void replace_meta(const SigmfMeta& meta, std::uint64_t version, Durability durability);
 
+  // Gives the room held back to the last replace_meta().
+  void release_reserve();
+
   const SigmfPaths& paths() const { return paths_; }
 
  private:
+  void grow_reserve(std::size_t bytes);
+
   SigmfPaths paths_;
   int data_ = -1;
+  int reserve_ = -1;  // a file without a name; -1: none, guarded by replace_mutex_
   std::uint64_t bytes_ = 0;
   Sha512 hash_;
+  std::size_t reserved_bytes_ = 0;
   std::mutex replace_mutex_;
   std::uint64_t replaced_version_ = 0;
 };

@@ -91,16 +91,26 @@ class Client:
         return reply["result"]
 
 
+def pixel_lines(client, count):
+    """The next `count` pixel lines as they came."""
+    lines = []
+    while len(lines) < count:
+        line = client.line()
+        if line.startswith(b'{"jsonrpc":"2.0","method":"pixel"'):
+            lines.append(line)
+    return lines
+
+
 class Daemon:
     """combforced on a configuration, from start to SIGTERM."""
 
-    def __init__(self, directory, configuration, **server):
+    def __init__(self, directory, configuration, record_directory=None, **server):
         self.clients = []
         self.directory = Path(directory)
         self.socket_path = self.directory / "combforce.sock"
         self.configuration_path = self.directory / "daemon.json"
         configuration = dict(configuration, server={"unix_socket": str(self.socket_path), "port": 0, **server},
-                             record={"directory": str(self.directory)})
+                             record={"directory": str(record_directory or self.directory)})
         self.configuration_path.write_text(json.dumps(configuration), encoding="utf-8")
         self.log_path = self.directory / "daemon.log"
         with open(self.log_path, "wb") as log:
@@ -133,8 +143,8 @@ class SystemTest(unittest.TestCase):
     def setUp(self):
         self.directory = Path(self.enterContext(tempfile.TemporaryDirectory(prefix="combforce-")))
 
-    def daemon(self, configuration, **server):
-        daemon = Daemon(self.directory, configuration, **server)
+    def daemon(self, configuration, **options):
+        daemon = Daemon(self.directory, configuration, **options)
         self.addCleanup(self.reap, daemon)
         return daemon
 
