@@ -30,8 +30,9 @@ class Server {
   // Serves `instrument` until stop(); once. Clients that connect earlier wait. The sockets are removed when
   // it returns.
   void run(Instrument& instrument);
-  void stop();             // sends what is due, for half a second at most
-  void stop_on_signals();  // as stop() on SIGTERM and SIGINT from now on, until run() returns
+  void stop();  // sends what is due, for half a second at most
+  // As stop() on SIGTERM and SIGINT from now on; further ones change nothing while the server lives.
+  void stop_on_signals();
 
   // The address bound for TCP ("127.0.0.1:8720"), "" without.
   std::string tcp_endpoint() const;
@@ -41,6 +42,7 @@ class Server {
   void publish_pixel(const RetiredPixel& pixel);
   void publish_line(const LineDone& line);
   void publish_frame(const FrameDone& frame);
+  void publish_spectrum(const Spectrum& spectrum);
   void publish_event(const Event& event);
 
  private:

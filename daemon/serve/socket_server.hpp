@@ -37,10 +37,14 @@ class SocketServer {
   SocketServer(const SocketServer&) = delete;
   SocketServer& operator=(const SocketServer&) = delete;
 
-  // Until stop(); once. `every_second` is called on the I/O thread. Both sockets are gone when it returns.
-  void run(const RpcTable& table, std::function<void()> every_second);
+  // Until stop(); once. `every_second` and `spectrum_rate`, when the greatest rate of spectra that a client
+  // wants changes (0: none does), are called on the I/O thread. Both sockets are gone when it returns.
+  void run(const RpcTable& table, std::function<void()> every_second,
+           std::function<void(double hz)> spectrum_rate);
   void stop();
-  void stop_on_signals();  // SIGTERM and SIGINT, also before run(); until run() returns
+  // On SIGTERM and SIGINT, also before run(). More of them change nothing while this object lives: what is
+  // being closed after run() is closed in peace.
+  void stop_on_signals();
   void post(std::function<void()> task);
 
   void publish(Notification notification);
