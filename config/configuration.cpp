@@ -1,5 +1,7 @@
 #include "config/configuration.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <filesystem>
 #include <limits>
@@ -40,7 +42,8 @@ DigitizerSettings decode_digitizer(const JsonView& view, const Description& top,
 PipelineSettings decode_pipeline(const JsonView& view) {
   constexpr std::uint64_t most_threads = 1024;
   constexpr std::uint64_t most_slots = 1U << 20;
-  view.only({"threads", "ring_blocks", "pixel_slots"});
+  constexpr std::uint64_t most_segment = 1U << 17;
+  view.only({"threads", "ring_blocks", "pixel_slots", "drift_tolerance", "spectrum_segment"});
   PipelineSettings pipeline;
   if (const auto threads = view.find("threads"))
     pipeline.threads = static_cast<unsigned>(threads->integer(0, most_threads));
@@ -48,6 +51,13 @@ PipelineSettings decode_pipeline(const JsonView& view) {
     pipeline.ring_blocks = static_cast<std::uint32_t>(blocks->integer(2, most_slots));
   if (const auto slots = view.find("pixel_slots"))
     pipeline.pixel_slots = static_cast<std::uint32_t>(slots->integer(2, most_slots));
+  if (const auto tolerance = view.find("drift_tolerance"))
+    pipeline.drift_tolerance = tolerance->number({.lower = 0.0, .upper = 1.0, .lower_open = true});
+  if (const auto segment = view.find("spectrum_segment")) {
+    pipeline.spectrum_segment = static_cast<std::uint32_t>(segment->integer(4, most_segment));
+    if (pipeline.spectrum_segment % 2 != 0)
+      segment->fail(fmt::format("is {}, must be even", pipeline.spectrum_segment));
+  }
   return pipeline;
 }
 
@@ -138,7 +148,9 @@ std::string print_configuration(const Configuration& configuration) {
   encode_into(root, configuration.description, "");
   root["pipeline"] = Json{{"threads", configuration.pipeline.threads},
                           {"ring_blocks", configuration.pipeline.ring_blocks},
-                          {"pixel_slots", configuration.pipeline.pixel_slots}};
+                          {"pixel_slots", configuration.pipeline.pixel_slots},
+                          {"drift_tolerance", configuration.pipeline.drift_tolerance},
+                          {"spectrum_segment", configuration.pipeline.spectrum_segment}};
   root["server"] = Json{{"unix_socket", configuration.server.unix_socket},
                         {"address", configuration.server.address},
                         {"port", configuration.server.port},

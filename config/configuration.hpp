@@ -8,7 +8,7 @@
 //                  the objects of proto/description.hpp; a simulation takes from these what it does not say
 //     calibration  a file (proto/calibration.hpp) that gives cantilever, which must not stand here then, and
 //                  noise, unless that stands here
-//     pipeline     {threads 0, ring_blocks 64, pixel_slots 256}
+//     pipeline     {threads 0, ring_blocks 64, pixel_slots 256, drift_tolerance 0.01, spectrum_segment 16384}
 //     server       {unix_socket, address, port, client_bytes}
 //     record       {directory "."}
 //     log_level    trace, debug, info, warning, error, critical or off
@@ -51,6 +51,12 @@ struct PipelineSettings {
   unsigned threads = 0;             // fit workers; 0: one a core; <= 1024
   std::uint32_t ring_blocks = 64;   // blocks between digitizer and extraction, and recorder, each; >= 2
   std::uint32_t pixel_slots = 256;  // pixels between extraction and output; >= 2
+  // Greatest change of a driven tone of the free response, relative to it, during a capture or from one
+  // capture to the next, that is no drift: `incoherent` beyond it. > 0, <= 1. At 1 %, 10 mrad, forces are
+  // wrong by some percent, the size of the bias of the paper's method.
+  double drift_tolerance = 0.01;
+  std::uint32_t spectrum_segment =
+      16384;  // samples: bins lie sample_rate / spectrum_segment apart; even, 4..2^17
 
   bool operator==(const PipelineSettings&) const = default;
 };

@@ -15,7 +15,8 @@ namespace {
 using Names = std::span<const std::string_view>;
 
 constexpr std::array<std::string_view, 3> scene_names = {"flat", "blend", "maps"};
-constexpr std::array<std::string_view, 4> fault_names = {"lost_block", "unknown_loss", "clipped", "stall"};
+constexpr std::array<std::string_view, 5> fault_names = {"lost_block", "unknown_loss", "clipped", "stall",
+                                                         "detuned"};
 constexpr std::array<std::string_view, 2> accuracy_names = {"live", "accurate"};
 
 template <typename Enum>
@@ -117,6 +118,9 @@ std::vector<FaultSettings> decode_faults(const JsonView& view) {
     if (fault.kind == FaultSettings::Kind::stall) {
       element.only({"kind", "sample", "duration_s"});
       fault.duration_s = element.get("duration_s").number(positive);
+    } else if (fault.kind == FaultSettings::Kind::detuned) {
+      element.only({"kind", "sample", "detuning_ppm"});
+      fault.detuning_ppm = element.get("detuning_ppm").number();
     } else {
       element.only({"kind", "sample", "frames"});
       fault.frames = element.get("frames").integer(1);
@@ -246,6 +250,8 @@ Json encode(const std::vector<FaultSettings>& faults) {
     Json object{{"kind", name_of(fault_names, fault.kind)}, {"sample", fault.sample}};
     if (fault.kind == FaultSettings::Kind::stall) {
       object["duration_s"] = fault.duration_s;
+    } else if (fault.kind == FaultSettings::Kind::detuned) {
+      object["detuning_ppm"] = fault.detuning_ppm;
     } else {
       object["frames"] = fault.frames;
     }

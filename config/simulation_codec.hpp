@@ -13,7 +13,9 @@
 //               M: {parameter: value, …}; parameters: all of the model but surface_position_nm
 //     feedback  {enabled true, set_point 0.8, gain 0.5, start_z_nm 40}
 //     faults    [{kind: lost_block | unknown_loss | clipped, sample, frames}, {kind: stall, sample,
-//     duration_s}, …] frames 1, temperature_k 0, detector_nm_per_sqrt_hz 0, volts_per_code 0, z_nm_per_code
+//     duration_s},
+//               {kind: detuned, sample, detuning_ppm}, …]
+//     frames 1, temperature_k 0, detector_nm_per_sqrt_hz 0, volts_per_code 0, z_nm_per_code
 //     0.01, free_seconds 0, seed 1, accuracy "live": or "accurate", paced true, block_frames 16384
 #pragma once
 

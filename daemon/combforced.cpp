@@ -47,6 +47,7 @@ PipelineOutputs outputs_to(Server& server) {
   outputs.pixel = [&server](const RetiredPixel& pixel) { server.publish_pixel(pixel); };
   outputs.line = [&server](const LineDone& line) { server.publish_line(line); };
   outputs.frame = [&server](const FrameDone& frame) { server.publish_frame(frame); };
+  outputs.spectrum = [&server](const Spectrum& spectrum) { server.publish_spectrum(spectrum); };
   outputs.event = [&server](const Event& event) {
     log_event(event);
     server.publish_event(event);

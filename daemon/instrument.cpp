@@ -16,6 +16,8 @@
 namespace combforce {
 namespace {
 
+constexpr std::size_t most_ring_bytes = std::size_t{1} << 30;  // each of the two
+
 using WallClock = std::chrono::system_clock;
 
 std::string iso8601(WallClock::time_point time) {
@@ -57,8 +59,12 @@ class Instrument::Impl {
     std::vector<ScheduledChange> changes;
     Description description = open(configuration, changes);
     const StreamInfo& info = digitizer_->info();
-    std::size_t frame_bytes = sample_bytes(info.format) * info.channels.size();
-    sink_.emplace(configuration.pipeline.ring_blocks, info.block_frames * frame_bytes, info.when_full);
+    const std::size_t block_bytes = info.block_frames * sample_bytes(info.format) * info.channels.size();
+    if (configuration.pipeline.ring_blocks > most_ring_bytes / block_bytes)
+      throw std::invalid_argument(fmt::format("pipeline.ring_blocks: {}, must be <= {}: a block has {} bytes",
+                                              configuration.pipeline.ring_blocks,
+                                              most_ring_bytes / block_bytes, block_bytes));
+    sink_.emplace(configuration.pipeline.ring_blocks, block_bytes, info.when_full);
     recorder_.emplace(info, *sink_, outputs_.event);
     PipelineOutputs through = outputs_;
     through.change = [this](std::uint64_t first_sample, const Analysis& analysis) {
@@ -159,15 +165,17 @@ class Instrument::Impl {
       throw std::logic_error("a scan is running: the free response is captured away from the surface");
     if (info().is_recording && !info().marks_lines)
       throw std::logic_error("a recording without lines has no free stretch to capture");
-    pipeline_->capture_free(
-        windows, [this, done = std::move(done)](std::optional<FreeResponse> free, std::string why) {
-          if (free) {
-            Description next = description();
-            next.free_response = free;
-            pipeline_->change(std::move(next));
-          }
-          done(std::move(free), std::move(why));
-        });
+    pipeline_->capture_free(windows, [this, done = std::move(done)](std::optional<FreeResponse> free,
+                                                                    std::string why) {
+      if (free) {
+        Description next = description();
+        next.free_response = free;
+        pipeline_->change(std::move(next));
+        if (!why.empty() && outputs_.event)
+          outputs_.event({.kind = "incoherent", .first_sample = free->first_sample, .count = 0, .text = why});
+      }
+      done(std::move(free), std::move(why));
+    });
   }
 
   Drive drive() const { return digitizer_->drive(); }
@@ -184,6 +192,8 @@ class Instrument::Impl {
     next.fit = fit;
     pipeline_->change(std::move(next));
   }
+
+  void set_spectrum_rate(double hz) { pipeline_->set_spectrum_rate(hz); }
 
  private:
   Description open(const Configuration& configuration, std::vector<ScheduledChange>& changes) {
@@ -277,6 +287,9 @@ void Instrument::set_drive(const Drive& drive) {
 }
 void Instrument::set_fit(const FitSettings& fit) {
   impl_->set_fit(fit);
+}
+void Instrument::set_spectrum_rate(double hz) {
+  impl_->set_spectrum_rate(hz);
 }
 
 }  // namespace combforce

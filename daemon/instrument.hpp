@@ -54,12 +54,14 @@ class Instrument {
   void mark_line(const LineMark& mark);
   std::string start_recording(const std::string& name);  // "": a name from the time; returns the meta's path
   RecordingSummary stop_recording();
-  // `done` is called from the output thread; the captured response is in force from the next pixel on.
-  void capture_free(std::uint32_t windows,
-                    std::function<void(std::optional<FreeResponse>, std::string)> done);
+  // `done` is called from the output thread; the captured response is in force from the next pixel on. With a
+  // response it also gets why it is incoherent, if it is: pixels are flagged then, until a better one is
+  // captured.
+  void capture_free(std::uint32_t windows, FreeDone done);
   Drive drive() const;
   void set_drive(const Drive& drive);
   void set_fit(const FitSettings& fit);
+  void set_spectrum_rate(double hz);  // as of the pipeline
 
  private:
   class Impl;

@@ -21,6 +21,8 @@ struct Channel {
   double scale = 1.0;
   double offset = 0.0;
   std::optional<ClipCodes> clip_codes;  // absent: i16 streams clip at -32768 and 32767, f32 never
+  // Of the deflection; used without a cantilever, which has its own.
+  std::optional<double> nm_per_v = std::nullopt;
 
   bool operator==(const Channel&) const = default;
 };

@@ -15,7 +15,7 @@ enum class PixelFlag : std::uint8_t {
   clipped = 1 << 1,     // a deflection sample of an analysed window is at its clip code
   settling = 1 << 2,    // a commanded step (line start, drive, set-point) still rings by more than 1 %
   incomplete = 1 << 3,  // the stream ended, or the line was cut, before the last window did
-  incoherent = 1 << 4,  // the free response drifted: drive and digitizer share no clock
+  incoherent = 1 << 4,  // the free response drifted in its capture: drive and digitizer share no clock
   sync = 1 << 5         // line marks contradict each other or the layout
 };
 

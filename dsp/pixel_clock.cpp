@@ -38,6 +38,12 @@ void validate(const ScanLayout& layout, std::uint64_t window_samples) {
     throw std::invalid_argument(fmt::format(
         "scan.pixel_samples: {} is less than settle_samples + windows * window_samples = {} + {} * {}",
         layout.pixel_samples, layout.settle_samples, layout.windows, window_samples));
+  constexpr std::uint64_t most_samples = std::uint64_t{1} << 53;
+  if (layout.pixel_samples > most_samples / layout.columns)
+    throw std::invalid_argument(
+        fmt::format("scan.pixel_samples: {} in each of {} columns are more than 2^53, the last sample that "
+                    "messages can say",
+                    layout.pixel_samples, layout.columns));
 }
 
 PixelSpan pixel_of_line(const LineMark& mark, const ScanLayout& layout, std::uint64_t window_samples,

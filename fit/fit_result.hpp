@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 namespace combforce {
@@ -38,7 +39,7 @@ struct FitResult {
   std::array<double, max_parameters*(max_parameters - 1) / 2> correlation{};
   // A second minimum whose chi^2 is above that of the first by less than 4; delta NaN: none was found, or not
   // sought.
-  double alternative_delta_chi2 = 0.0;
+  double alternative_delta_chi2 = std::numeric_limits<double>::quiet_NaN();
   std::array<double, max_parameters> alternative{};
   double virial_nn_nm = 0.0;   // 1/2 sum Re(F_i conj d_i) over the measured tones
   double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i) over the measured tones, 1e-15 W

@@ -14,6 +14,7 @@ struct FreeResponse {
   std::vector<std::complex<double>> mean_nm;  // tip deflection, one a tone of the comb, phase at sample 0
   // Covariance of the mean, row-major over [re_0, im_0, re_1, im_1, ...], nm^2; absent when not known.
   std::optional<std::vector<double>> covariance;
+  bool coherent = true;  // false: it drifted while it was captured; no force can be measured from it
 
   bool operator==(const FreeResponse&) const = default;
 };

@@ -45,12 +45,13 @@ std::optional<Contradiction> find_contradiction(const Description& description);
 // decode(encode(x)) == x for valid x. Recordings may hold unknown keys of a newer minor version: `unknown`
 // says whether to refuse them. Keys and their defaults (a key without one is required):
 //
-//     channels       [{name, role, unit "V", scale 1, offset 0, clip_codes absent: [lo, hi]}]
+//     channels       [{name, role, unit "V", scale 1, offset 0, nm_per_v absent, clip_codes absent: [lo,
+//     hi]}]
 //                    role: deflection (channel 0), z, reference, marker; unit: V, nm
 //     cantilever     {modes: [{frequency_hz, quality_factor, stiffness_n_per_m, sensitivity_nm_per_v 1}]}
 //     comb           {window_samples, tones: [{bin, driven true}]}
-//     free_response  {first_sample 0, windows 0, mean_nm: [[re, im], …], covariance absent: rows [[…], …]},
-//                    or mean_nm alone
+//     free_response  {first_sample 0, windows 0, mean_nm: [[re, im], …], covariance absent: rows [[…], …],
+//                    coherent true}, or mean_nm alone
 //     scan           {lines, columns, pixel_samples, settle_samples 0, windows 1, bidirectional false,
 //                    size_nm [0, 0]}
 //     noise          {temperature_k, detector_nm_per_sqrt_hz: a number, or a list of one a tone}
@@ -58,6 +59,9 @@ std::optional<Contradiction> find_contradiction(const Description& description);
 //     drive          {scheme "equal_energy", total_amplitude_nm 50, phases_rad []}; scheme: equal_energy,
 //                    equal_amplitude, or amplitudes, with amplitudes_nm in place of total_amplitude_nm
 enum class UnknownKeys : std::uint8_t { refuse, allow };
+
+// Bound of lines and of columns of a scan.
+inline constexpr std::uint32_t most_pixels_a_side = 1U << 20;
 
 Channels decode_channels(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
 Cantilever decode_cantilever(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);

@@ -36,8 +36,8 @@ std::uint64_t integer_or(const JsonView& view, std::string_view key, std::uint64
   return member ? member->integer() : otherwise;
 }
 
-std::uint32_t count(const JsonView& view) {
-  return static_cast<std::uint32_t>(view.integer(1, std::numeric_limits<std::uint32_t>::max()));
+std::uint32_t count(const JsonView& view, std::uint32_t most = std::numeric_limits<std::uint32_t>::max()) {
+  return static_cast<std::uint32_t>(view.integer(1, most));
 }
 
 double non_zero(const JsonView& view) {
@@ -68,7 +68,7 @@ std::array<double, 2> interval(const JsonView& view) {
 }
 
 Channel decode_channel(const JsonView& view, UnknownKeys unknown) {
-  check_keys(view, unknown, {"name", "role", "unit", "scale", "offset", "clip_codes"});
+  check_keys(view, unknown, {"name", "role", "unit", "scale", "offset", "nm_per_v", "clip_codes"});
   Channel channel;
   channel.name = view.get("name").string();
   if (channel.name.empty()) view.get("name").fail("is empty, must name the channel");
@@ -76,6 +76,10 @@ Channel decode_channel(const JsonView& view, UnknownKeys unknown) {
   if (const auto unit = view.find("unit")) channel.unit = name_of(unit_names, unit->one_of(unit_names));
   if (const auto scale = view.find("scale")) channel.scale = non_zero(*scale);
   channel.offset = number_or(view, "offset", 0.0);
+  if (const auto nm_per_v = view.find("nm_per_v")) {
+    if (channel.role != ChannelRole::deflection) nm_per_v->fail("belongs to the deflection alone");
+    channel.nm_per_v = non_zero(*nm_per_v);
+  }
   if (const auto clip = view.find("clip_codes")) {
     const auto [lo, hi] = interval(*clip);
     channel.clip_codes = Channel::ClipCodes{lo, hi};
@@ -172,12 +176,13 @@ FreeResponse decode_free_response(const JsonView& view, UnknownKeys unknown) {
     free_response.mean_nm = decode_phasors(view);
     return free_response;
   }
-  check_keys(view, unknown, {"first_sample", "windows", "mean_nm", "covariance"});
+  check_keys(view, unknown, {"first_sample", "windows", "mean_nm", "covariance", "coherent"});
   free_response.first_sample = integer_or(view, "first_sample", 0);
   free_response.windows = integer_or(view, "windows", 0);
   free_response.mean_nm = decode_phasors(view.get("mean_nm"));
   if (const auto covariance = view.find("covariance"))
     free_response.covariance = decode_covariance(*covariance, 2 * free_response.mean_nm.size());
+  if (const auto coherent = view.find("coherent")) free_response.coherent = coherent->boolean();
   return free_response;
 }
 
@@ -185,8 +190,8 @@ ScanLayout decode_scan(const JsonView& view, UnknownKeys unknown) {
   check_keys(view, unknown,
              {"lines", "columns", "pixel_samples", "settle_samples", "windows", "bidirectional", "size_nm"});
   ScanLayout scan;
-  scan.lines = count(view.get("lines"));
-  scan.columns = count(view.get("columns"));
+  scan.lines = count(view.get("lines"), most_pixels_a_side);
+  scan.columns = count(view.get("columns"), most_pixels_a_side);
   scan.pixel_samples = view.get("pixel_samples").integer(1);
   scan.settle_samples = integer_or(view, "settle_samples", 0);
   if (const auto windows = view.find("windows")) scan.windows = count(*windows);
@@ -258,6 +263,7 @@ Json encode(const Channels& channels) {
               {"unit", channel.unit},
               {"scale", channel.scale},
               {"offset", channel.offset}};
+    if (channel.nm_per_v) item["nm_per_v"] = *channel.nm_per_v;
     if (channel.clip_codes) item["clip_codes"] = {channel.clip_codes->lo, channel.clip_codes->hi};
     list.push_back(std::move(item));
   }
@@ -295,6 +301,7 @@ Json encode(const FreeResponse& free_response) {
       rows.push_back(std::vector<double>(row, row + static_cast<std::ptrdiff_t>(order)));
     object["covariance"] = std::move(rows);
   }
+  if (!free_response.coherent) object["coherent"] = false;
   return object;
 }
 

@@ -55,9 +55,11 @@ int run_simulate(const SimulateCommand& options) {
   std::string no_reference;
   Instrument instrument(configuration, outputs);
   instrument.start_recording(std::filesystem::path(sigmf_paths(options.output).meta).stem().string());
-  instrument.capture_free(
-      static_cast<std::uint32_t>(simulation.free_seconds / window_s(simulation)),
-      [&](const std::optional<FreeResponse>&, const std::string& why) { no_reference = why; });
+  instrument.capture_free(static_cast<std::uint32_t>(simulation.free_seconds / window_s(simulation)),
+                          [&](const std::optional<FreeResponse>& free, const std::string& why) {
+                            if (!why.empty())
+                              no_reference = (free ? "incoherent: " : "no free response: ") + why;
+                          });
   instrument.start_scan(simulation.layout, simulation.frames);
   instrument.start();
   instrument.wait();
@@ -65,7 +67,7 @@ int run_simulate(const SimulateCommand& options) {
   const StreamStatus stream = instrument.status().stream;
   progress.clear();
   if (!summary.complete) throw std::runtime_error(fmt::format("{}: {}", summary.meta_path, summary.failure));
-  if (!no_reference.empty()) fmt::print(stderr, "combforce: no free response: {}\n", no_reference);
+  if (!no_reference.empty()) fmt::print(stderr, "combforce: {}\n", no_reference);
   if (options.json)
     fmt::print("{}\n", Json{{"recording", summary.meta_path},
                             {"frames", summary.frames},

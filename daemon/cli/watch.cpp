@@ -195,7 +195,7 @@ void add_watch(CLI::App& app, Command& command) {
   add_connect(*watch, options->connect);
   watch->add_option("--topics", options->topics, "What to print")
       ->delimiter(',')
-      ->check(CLI::IsMember({"pixel", "line", "frame", "status", "event"}))
+      ->check(CLI::IsMember({"pixel", "line", "frame", "spectrum", "status", "event"}))
       ->capture_default_str();
   watch->add_option("--fields", options->fields, "Pixels with their tones, or the fit alone")
       ->check(CLI::IsMember({"fit", "all"}))

@@ -59,7 +59,8 @@ std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Descriptio
   const Description& described = analysis->description;
   analysis->layout = layout_of(described);
   validate(analysis->layout, described.comb->window_samples);
-  analysis->tip_per_volt.assign(described.comb->tones.size(), 1.0);
+  analysis->tip_per_volt.assign(described.comb->tones.size(),
+                                described.channels->front().nm_per_v.value_or(1.0));
   if (described.cantilever) {
     validate(*described.cantilever);
     analysis->ring_down_samples = longest_ring_down_s(*described.cantilever) * info.sample_rate_hz;
@@ -78,6 +79,13 @@ AnalysisStage::AnalysisStage(const StreamInfo& info, std::shared_ptr<const Analy
   if (analysis->model == nullptr) return;
   const FitConditions conditions = conditions_of(info, *analysis);
   for (unsigned i = 0; i < workers; ++i) fitters.emplace_back(conditions);
+}
+
+std::size_t AnalysisStage::add(const SampleBlock& block, std::uint64_t from, std::uint64_t until) {
+  const std::size_t offset = (from - block.header.first_sample) * block.header.channels;
+  const std::size_t frames = until - from;
+  return block.header.format == SampleFormat::i16 ? extractor.add(block.i16().data() + offset, frames)
+                                                  : extractor.add(block.f32().data() + offset, frames);
 }
 
 }  // namespace combforce

@@ -7,6 +7,7 @@
 
 #include "drivers/digitizer.hpp"
 #include "dsp/comb_extractor.hpp"
+#include "dsp/sample_block.hpp"
 #include "dsp/scan.hpp"
 #include "fit/force_model.hpp"
 #include "fit/pixel_fitter.hpp"
@@ -19,7 +20,8 @@ struct Analysis {
   Description description;           // channels and comb are always present
   ScanLayout layout;                 // description.scan, or one window a pixel without it
   const ModelInfo* model = nullptr;  // null: no cantilever, so nothing to fit with
-  // Tip deflection per volt of channel 0, one a tone: chi/chi_V with a cantilever, 1 without.
+  // Tip deflection per volt of channel 0, one a tone: chi/chi_V with a cantilever, without one the channel's
+  // nm_per_v (1 when it has none).
   std::vector<std::complex<double>> tip_per_volt;
   double ring_down_samples = 0.0;  // longest of the cantilever; 0 when not known
 };
@@ -32,6 +34,9 @@ std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Descriptio
 // fitters[i]. Everything is allocated here, before the stretch begins.
 struct AnalysisStage {
   AnalysisStage(const StreamInfo& info, std::shared_ptr<const Analysis> analysis, unsigned workers);
+
+  // Extraction thread: gives the block's frames [from, until) to the extractor; returns how many it took.
+  std::size_t add(const SampleBlock& block, std::uint64_t from, std::uint64_t until);
 
   std::shared_ptr<const Analysis> analysis;
   CombExtractor extractor;

@@ -17,29 +17,26 @@ constexpr double capture_ring_downs = 14.0;
 // Whole pixels inside one gap of an unmarked stream that are published one by one.
 constexpr std::uint64_t most_lost_pixels = 4096;
 
+std::size_t most_tones(const AnalysisStage& first, const std::vector<ScheduledStage>& scheduled) {
+  std::size_t tones = first.analysis->tip_per_volt.size();
+  for (const ScheduledStage& later : scheduled)
+    tones = std::max(tones, later.stage->analysis->tip_per_volt.size());
+  return tones;
+}
+
 }  // namespace
 
 Extraction::Extraction(const StreamInfo& info, std::unique_ptr<AnalysisStage> first,
-                       std::vector<Scheduled> scheduled, OutputSlots& slots, FitPool& pool)
+                       std::vector<ScheduledStage> scheduled, OutputSlots& slots, FitPool& pool)
     : info_(info),
       marked_(info.marks_lines || !info.is_recording),
       slots_(slots),
       pool_(pool),
-      scheduled_(std::move(scheduled)),
-      stage_(first.release()),
-      capture_means_(info.channels.size()) {
-  std::size_t tones = stage_->analysis->tip_per_volt.size();
-  for (const Scheduled& later : scheduled_)
-    tones = std::max(tones, later.stage->analysis->tip_per_volt.size());
-  capture_tones_.resize(tones);
-}
+      free_windows_(most_tones(*first, scheduled), info.channels.size()),
+      stages_(std::move(scheduled)),
+      stage_(std::move(first)) {}
 
-Extraction::~Extraction() {
-  delete stage_;
-  delete deferred_;
-  delete pending_.load();
-  delete requested_capture_.load();
-}
+Extraction::~Extraction() = default;
 
 void Extraction::process(const SampleBlock& block) {
   const BlockHeader& header = block.header;
@@ -48,7 +45,7 @@ void Extraction::process(const SampleBlock& block) {
     cursor_ = header.first_sample;
     unmarked_first_ = cursor_;
     epoch_.store(header.epoch, std::memory_order_relaxed);
-    epoch_first_ = header.epoch == 0 ? 0 : cursor_;
+    epoch_first_ = header.epoch_first_sample;
     if (!marked_) begin_pixel();
   } else if (header.epoch != epoch_.load(std::memory_order_relaxed)) {
     begin_epoch(header);
@@ -79,8 +76,7 @@ void Extraction::finish() {
     emit_pixel();
   }
   end_frame();
-  if (capture_ == nullptr) capture_ = requested_capture_.exchange(nullptr);
-  end_capture("the stream ended");
+  if (free_windows_.wanted()) end_capture("the stream ended");
   next_slot(OutputSlot::Kind::end, cursor_);
   slots_.commit_complete();
 }
@@ -98,7 +94,7 @@ void Extraction::begin_epoch(const BlockHeader& header) {
   slots_.commit_complete();
   epoch_.store(header.epoch, std::memory_order_relaxed);
   cursor_ = header.first_sample;
-  epoch_first_ = cursor_;
+  epoch_first_ = header.epoch_first_sample;
   last_step_ = never;
   if (marked_) return;
   unmarked_first_ = cursor_;
@@ -150,52 +146,28 @@ void Extraction::consume_pixel(const SampleBlock& block, std::uint64_t until) {
       stage_->extractor.begin(span_.analysis_first, stage_->analysis->layout.windows);
       analysing_ = true;
     }
-    feed(block, std::min(until, span_.end_sample));
+    cursor_ += stage_->add(block, cursor_, std::min(until, span_.end_sample));
   }
   if (cursor_ >= span_.end_sample) emit_pixel();
 }
 
 void Extraction::consume_free(const SampleBlock& block, std::uint64_t until) {
-  if (capture_ == nullptr) capture_ = requested_capture_.exchange(nullptr);
-  if (capture_ == nullptr) {
+  if (!free_windows_.wanted()) {
     cursor_ = until;
     return;
   }
-  if (capture_window_ == never) {
-    const double ringing = capture_ring_downs * stage_->analysis->ring_down_samples;
-    const std::uint64_t settled =
-        last_step_ == never ? cursor_ : last_step_ + static_cast<std::uint64_t>(std::ceil(ringing));
-    if (settled >= until) {
-      cursor_ = until;
-      return;
-    }
-    cursor_ = std::max(cursor_, settled);
-    capture_window_ = cursor_;
-    stage_->extractor.begin(cursor_, 1);
-  }
-  feed(block, until);
-  if (stage_->extractor.missing() > 0) return;
-  const std::span tones(capture_tones_.data(), stage_->analysis->tip_per_volt.size());
-  stage_->extractor.finish(tones, capture_means_);
-  const double scale = stage_->analysis->description.channels->front().scale;
-  for (std::size_t i = 0; i < tones.size(); ++i) tones[i] *= scale * stage_->analysis->tip_per_volt[i];
-  if (capture_->add(capture_window_, tones)) {
-    end_capture(nullptr);
-    // Behind a source that can wait, what the capture changes is in force before the stream goes on: runs
-    // repeat.
-    if (info_.when_full == WhenFull::wait) slots_.wait_retired();
-    return;
-  }
-  capture_window_ = cursor_;
-  stage_->extractor.begin(cursor_, 1);
+  cursor_ = free_windows_.consume(*stage_, block, cursor_, until, settled_from());
+  if (!free_windows_.complete()) return;
+  end_capture(nullptr);
+  // Behind a source that can wait, what the capture changes is in force before the stream goes on: runs
+  // repeat.
+  if (info_.when_full == WhenFull::wait) slots_.wait_retired();
 }
 
-void Extraction::feed(const SampleBlock& block, std::uint64_t until) {
-  const std::size_t offset = (cursor_ - block.header.first_sample) * block.header.channels;
-  const std::size_t frames = until - cursor_;
-  cursor_ += block.header.format == SampleFormat::i16
-                 ? stage_->extractor.add(block.i16().data() + offset, frames)
-                 : stage_->extractor.add(block.f32().data() + offset, frames);
+std::uint64_t Extraction::settled_from() const {
+  if (last_step_ == never) return 0;
+  return last_step_ +
+         static_cast<std::uint64_t>(std::ceil(capture_ring_downs * stage_->analysis->ring_down_samples));
 }
 
 void Extraction::apply(const StreamMark& mark) {
@@ -284,17 +256,17 @@ void Extraction::place_pixel() {
 
 void Extraction::emit_pixel() {
   OutputSlot& slot = next_slot(OutputSlot::Kind::pixel, span_.first_sample);
-  measure(slot);
   const Analysis& analysis = *stage_->analysis;
   const std::size_t parameters = analysis.model == nullptr ? 0 : analysis.model->parameters.size();
   const std::optional<FreeResponse>& reference = analysis.description.free_response;
-  const bool valid = reference && (epoch_first_ == 0 || reference->first_sample >= epoch_first_);
+  if (valid(reference) && !reference->coherent) flags_.set(PixelFlag::incoherent);
+  measure(slot);
   pixels_.fetch_add(1, std::memory_order_relaxed);
   ++frame_pixels_;
   if (slot.pixel.flags.any()) {
     slot.fit = unfitted(FitStatus::flagged, parameters);
     slots_.commit_complete();
-  } else if (analysis.model == nullptr || !valid) {
+  } else if (analysis.model == nullptr || !valid(reference)) {
     slot.fit = unfitted(FitStatus::no_free_response, parameters);
     slots_.commit_complete();
   } else {
@@ -311,7 +283,7 @@ void Extraction::measure(OutputSlot& slot) {
   const Analysis& analysis = *stage_->analysis;
   const Channels& channels = *analysis.description.channels;
   const std::size_t tones = analysis.tip_per_volt.size();
-  slot.stage = stage_;
+  slot.stage = stage_.get();
   slot.pixel.span = span_;
   slot.pixel.phasors.resize(tones);
   slot.pixel.channel_means.resize(channels.size());
@@ -356,32 +328,26 @@ void Extraction::take_over(std::uint64_t boundary) {
   const auto fits_line = [this](const AnalysisStage& stage) {
     return !line_ || pixel_index_ == 0 || stage.analysis->layout == stage_->analysis->layout;
   };
-  while (next_scheduled_ < scheduled_.size() && scheduled_[next_scheduled_].first_sample <= boundary &&
-         fits_line(*scheduled_[next_scheduled_].stage))
-    install(scheduled_[next_scheduled_++].stage.release(), boundary);
-  if (deferred_ == nullptr) deferred_ = pending_.exchange(nullptr, std::memory_order_acq_rel);
-  if (deferred_ == nullptr || !fits_line(*deferred_)) return;
-  install(std::exchange(deferred_, nullptr), boundary);
+  while (std::unique_ptr<AnalysisStage> stage = stages_.next(boundary, fits_line))
+    install(std::move(stage), boundary);
 }
 
-void Extraction::install(AnalysisStage* stage, std::uint64_t boundary) {
+void Extraction::install(std::unique_ptr<AnalysisStage> stage, std::uint64_t boundary) {
+  if (stage->extractor.comb() != stage_->extractor.comb()) end_capture("the comb changed");
   OutputSlot& slot = next_slot(OutputSlot::Kind::change, boundary);
-  slot.stage = stage;
-  slot.superseded = stage_;
+  slot.reference_held = valid(stage_->analysis->description.free_response);
+  slot.stage = stage.get();
+  slot.superseded = stage_.release();
   slots_.commit_complete();
-  stage_ = stage;
-  capture_window_ = never;
+  stage_ = std::move(stage);
+  free_windows_.restart();
 }
 
 void Extraction::end_capture(const char* failure) {
-  if (capture_ == nullptr) return;
-  if (failure != nullptr) capture_->fail(failure);
-  OutputSlot& slot = next_slot(OutputSlot::Kind::free_capture, cursor_);
-  slot.capture = capture_;
-  capture_ = nullptr;
-  capture_window_ = never;
+  std::unique_ptr<FreeCapture> capture = free_windows_.end(failure);
+  if (capture == nullptr) return;
+  next_slot(OutputSlot::Kind::free_capture, cursor_).capture = capture.release();
   slots_.commit_complete();
-  capture_busy_.store(false, std::memory_order_release);
 }
 
 OutputSlot& Extraction::next_slot(OutputSlot::Kind kind, std::uint64_t first_sample) {
@@ -393,21 +359,6 @@ OutputSlot& Extraction::next_slot(OutputSlot::Kind kind, std::uint64_t first_sam
   slot->kind = kind;
   slot->first_sample = first_sample;
   return *slot;
-}
-
-void Extraction::change(std::unique_ptr<AnalysisStage> stage) {
-  delete pending_.exchange(stage.release(), std::memory_order_acq_rel);
-}
-
-bool Extraction::capture(std::unique_ptr<FreeCapture> capture) {
-  bool idle = false;
-  if (!capture_busy_.compare_exchange_strong(idle, true)) return false;
-  requested_capture_.store(capture.release());
-  return true;
-}
-
-bool Extraction::mark_line(const LineMark& mark) {
-  return client_marks_.push(mark);
 }
 
 }  // namespace combforce

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <atomic>
+#include <boost/lockfree/spsc_queue.hpp>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,23 +17,18 @@
 
 #include "daemon/pipeline/analysis.hpp"
 #include "daemon/pipeline/fit_pool.hpp"
-#include "daemon/pipeline/free_capture.hpp"
+#include "daemon/pipeline/free_windows.hpp"
 #include "daemon/pipeline/output_slots.hpp"
+#include "daemon/pipeline/stage_queue.hpp"
 #include "dsp/sample_block.hpp"
 
 namespace combforce {
 
 class Extraction {
  public:
-  // A stage that takes over at the first pixel boundary at or after `first_sample`.
-  struct Scheduled {
-    std::uint64_t first_sample = 0;
-    std::unique_ptr<AnalysisStage> stage;
-  };
-
   // `scheduled` is ordered by first_sample.
-  Extraction(const StreamInfo& info, std::unique_ptr<AnalysisStage> first, std::vector<Scheduled> scheduled,
-             OutputSlots& slots, FitPool& pool);
+  Extraction(const StreamInfo& info, std::unique_ptr<AnalysisStage> first,
+             std::vector<ScheduledStage> scheduled, OutputSlots& slots, FitPool& pool);
   ~Extraction();
   Extraction(const Extraction&) = delete;
   Extraction& operator=(const Extraction&) = delete;
@@ -42,11 +38,11 @@ class Extraction {
   void finish();  // the stream is over: ends the pixel in progress and emits `end`
 
   // Control thread: takes over at the next pixel boundary; a stage not yet taken over is replaced.
-  void change(std::unique_ptr<AnalysisStage> stage);
+  void change(std::unique_ptr<AnalysisStage> stage) { stages_.post(std::move(stage)); }
   // Control thread: false when one is under way.
-  bool capture(std::unique_ptr<FreeCapture> capture);
+  bool capture(std::unique_ptr<FreeCapture> capture) { return free_windows_.request(std::move(capture)); }
   // Control thread: a line that the stream itself does not mark. False: too many wait already.
-  bool mark_line(const LineMark& mark);
+  bool mark_line(const LineMark& mark) { return client_marks_.push(mark); }
 
   // Any thread.
   std::uint64_t next_sample() const { return next_sample_.load(std::memory_order_relaxed); }
@@ -63,7 +59,6 @@ class Extraction {
   void consume(const SampleBlock& block, std::uint64_t until);
   void consume_pixel(const SampleBlock& block, std::uint64_t until);
   void consume_free(const SampleBlock& block, std::uint64_t until);
-  void feed(const SampleBlock& block, std::uint64_t until);
   void apply(const StreamMark& mark);
   void begin_line(const LineMark& mark, PixelFlag if_late);
   void cut_line();  // the line in progress ends here: its pixel in progress is incomplete
@@ -75,20 +70,22 @@ class Extraction {
   void measure(OutputSlot& slot);
   void dispatch(OutputSlot& slot, std::size_t parameters);
   void take_over(std::uint64_t boundary);
-  void install(AnalysisStage* stage, std::uint64_t boundary);
+  void install(std::unique_ptr<AnalysisStage> stage, std::uint64_t boundary);
   void end_capture(const char* failure);  // null: complete
   OutputSlot& next_slot(OutputSlot::Kind kind, std::uint64_t first_sample);
   bool in_pixel() const { return line_.has_value() || !marked_; }
+  bool valid(const std::optional<FreeResponse>& reference) const {
+    return reference && reference->first_sample >= epoch_first_;
+  }
+  std::uint64_t settled_from() const;
 
   const StreamInfo info_;
   const bool marked_;  // pixels lie in marked lines; otherwise the stream is one row of pixels
   OutputSlots& slots_;
   FitPool& pool_;
-  std::vector<Scheduled> scheduled_;
-  std::size_t next_scheduled_ = 0;
-  AnalysisStage* stage_;  // owned here until superseded, then by the change slot
-  std::atomic<AnalysisStage*> pending_{nullptr};
-  AnalysisStage* deferred_ = nullptr;  // taken from pending_, waits for the end of the line
+  FreeWindows free_windows_;
+  StageQueue stages_;
+  std::unique_ptr<AnalysisStage> stage_;  // once superseded, the change slot's
 
   std::uint64_t cursor_ = 0;  // next sample to look at
   bool started_ = false;
@@ -103,13 +100,6 @@ class Extraction {
   PixelSpan span_;
   PixelFlags flags_;
   bool analysing_ = false;  // the extractor holds part of span_
-
-  std::atomic<FreeCapture*> requested_capture_{nullptr};
-  std::atomic<bool> capture_busy_{false};
-  FreeCapture* capture_ = nullptr;
-  std::uint64_t capture_window_ = never;  // first sample of its window in progress
-  std::vector<std::complex<double>> capture_tones_;
-  std::vector<double> capture_means_;
 
   boost::lockfree::spsc_queue<LineMark, boost::lockfree::capacity<64>> client_marks_;
   std::atomic<std::uint64_t> next_sample_{0}, pixels_{0}, not_fitted_{0};

@@ -4,11 +4,13 @@
 
 namespace combforce {
 
-FreeCapture::FreeCapture(std::uint32_t windows, std::size_t tones, Done done)
+FreeCapture::FreeCapture(std::uint32_t windows, const Comb& comb, double drift_tolerance, Done done)
     : windows_(windows),
-      mean_(2 * tones),
-      deviation_(2 * tones),
-      scatter_(4 * tones * tones),
+      drift_tolerance_(drift_tolerance),
+      mean_(2 * comb.tones.size()),
+      deviation_(mean_.size()),
+      scatter_(mean_.size() * mean_.size()),
+      turns_(comb),
       done_(std::move(done)) {}
 
 bool FreeCapture::add(std::uint64_t first_sample, std::span<const std::complex<double>> tip_nm) {
@@ -23,6 +25,7 @@ bool FreeCapture::add(std::uint64_t first_sample, std::span<const std::complex<d
   const double weight = static_cast<double>(added_ - 1) / added_;
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < n; ++j) scatter_[i * n + j] += weight * deviation_[i] * deviation_[j];
+  turns_.add(tip_nm);
   return added_ == windows_;
 }
 
@@ -31,14 +34,19 @@ void FreeCapture::finish() const {
     done_(std::nullopt, failure_);
     return;
   }
-  FreeResponse response{.first_sample = first_sample_, .windows = added_, .mean_nm = {}, .covariance = {}};
+  const std::string turn = turns_.find_turn(drift_tolerance_);
+  FreeResponse response{.first_sample = first_sample_,
+                        .windows = added_,
+                        .mean_nm = {},
+                        .covariance = {},
+                        .coherent = turn.empty()};
   for (std::size_t i = 0; i < mean_.size(); i += 2) response.mean_nm.emplace_back(mean_[i], mean_[i + 1]);
   if (added_ > 1) {
     std::vector<double> covariance = scatter_;
     for (double& value : covariance) value /= static_cast<double>(added_) * (added_ - 1);
     response.covariance = std::move(covariance);
   }
-  done_(std::move(response), "");
+  done_(std::move(response), turn);
 }
 
 }  // namespace combforce

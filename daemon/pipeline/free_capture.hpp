@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/pipeline/drift.hpp"
 #include "fit/free_response.hpp"
 
 namespace combforce {
@@ -16,10 +17,12 @@ namespace combforce {
 // Made by the control thread, filled by the extraction thread, ended by the output thread.
 class FreeCapture {
  public:
+  // The response, and "" or why it is incoherent; without a response why there is none.
   using Done = std::function<void(std::optional<FreeResponse>, std::string)>;
 
-  // `windows` >= 1 of a comb of `tones` tones. Allocates all it will need.
-  FreeCapture(std::uint32_t windows, std::size_t tones, Done done);
+  // `windows` >= 1 of `comb`. The response is incoherent when a driven tone turns by more than
+  // `drift_tolerance` (drift.hpp). Allocates all it will need.
+  FreeCapture(std::uint32_t windows, const Comb& comb, double drift_tolerance, Done done);
 
   // Adds a window that starts at `first_sample`: tip deflection, nm. True when it was the last. Does not
   // allocate.
@@ -32,9 +35,11 @@ class FreeCapture {
 
  private:
   std::uint32_t windows_;
+  double drift_tolerance_;
   std::uint32_t added_ = 0;
   std::uint64_t first_sample_ = 0;
   std::vector<double> mean_, deviation_, scatter_;  // over [re_0, im_0, …]; Welford's recurrence
+  TurnMeter turns_;
   const char* failure_ = nullptr;
   Done done_;
 };

@@ -44,10 +44,10 @@ struct OutputSlot {
   Pixel pixel;
   std::vector<std::complex<double>> tip_nm;
   FitResult fit;
-  bool reference_valid = true;  // the free response belongs to this epoch
   double settling_residual = 0.0;
   AnalysisStage* stage = nullptr;       // pixel: by which it is analysed; change: the new one
   AnalysisStage* superseded = nullptr;  // change: no longer referred to by anything behind this slot
+  bool reference_held = false;          // change: the superseded free response was of this epoch
   FreeCapture* capture = nullptr;
 
   // Of the pixel's tones; the storage is sized for the largest comb.

@@ -8,17 +8,22 @@
 #pragma once
 
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <complex>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "config/configuration.hpp"
 #include "daemon/pipeline/analysis.hpp"
+#include "daemon/pipeline/spectrum_monitor.hpp"
 #include "drivers/digitizer.hpp"
 #include "dsp/pixel.hpp"
 #include "fit/fit_result.hpp"
@@ -54,21 +59,23 @@ struct FrameDone {
   PixelCounts counts;
 };
 
-// Something a person should hear of. `kind`: gap, epoch, dropped, change, record_gap, record_failed,
-// scan_ended, stream_ended …
+// Something a person should hear of. `kind`: gap, epoch, incoherent (the free response drifted), record_gap,
+// record_failed, scan_ended, stream_ended, warning.
 struct Event {
   std::string kind;
   std::uint64_t first_sample = 0;
-  std::uint64_t count = 0;  // frames lost, for gap, dropped, record_gap
+  std::uint64_t count = 0;  // frames lost, for gap and record_gap
   std::string text;
 };
 
-// Called from the output thread, one at a time, in stream order. Empty functions are not called.
+// Called from the output thread, one at a time, in stream order; `spectrum` from a thread of its own. Empty
+// functions are not called.
 struct PipelineOutputs {
   std::function<void(const RetiredPixel&)> pixel;
   std::function<void(const LineDone&)> line;
   std::function<void(const FrameDone&)> frame;
   std::function<void(const Event&)> event;
+  std::function<void(const Spectrum&)> spectrum;
   // A new analysis is in force from this stream sample on (not called for the first).
   std::function<void(std::uint64_t first_sample, const Analysis&)> change;
 };
@@ -86,6 +93,11 @@ struct PipelineStatus {
   double extraction_busy = 0.0;  // share of wall time, since start
   unsigned threads = 0;
 };
+
+class Extraction;
+class FitPool;
+class OutputSlots;
+struct OutputSlot;
 
 class Pipeline {
  public:
@@ -106,16 +118,39 @@ class Pipeline {
   std::shared_ptr<const Analysis> analysis() const;  // last one asked for
   // Line begins at mark.first_sample; for digitizers that do not mark lines. False: too many pending marks.
   bool mark_line(const LineMark& mark);
-  // Averages the next `windows` free windows and calls `done` from the output thread: the response, or why
-  // not (a gap). One at a time: throws std::logic_error while another is under way.
+  // Averages the next `windows` free windows and calls `done` from the output thread: the response, with why
+  // it is incoherent if it is, or why there is none (a gap). One at a time: throws std::logic_error while
+  // another is under way.
   void capture_free(std::uint32_t windows,
                     std::function<void(std::optional<FreeResponse>, std::string)> done);
+  // As of SpectrumMonitor; 0 at first.
+  void set_spectrum_rate(double hz);
 
   PipelineStatus status() const;
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  void run_extraction();
+  void run_output();
+  void put_out(const OutputSlot& slot);
+  void put_event(const char* kind, const OutputSlot& slot, std::string text) const;
+  void put_change(const OutputSlot& slot) const;
+
+  const StreamInfo info_;
+  BlockSink& sink_;
+  const PipelineSettings settings_;
+  const unsigned workers_;
+  PipelineOutputs outputs_;
+  mutable std::mutex mutex_;  // of analysis_ and the order of change()
+  std::shared_ptr<const Analysis> analysis_;
+  std::unique_ptr<OutputSlots> slots_;
+  std::unique_ptr<FitPool> pool_;
+  std::unique_ptr<Extraction> extraction_;
+  std::unique_ptr<SpectrumMonitor> spectra_;
+  PixelCounts line_counts_, frame_counts_;  // output thread
+  std::atomic<std::uint64_t> retired_{0};
+  std::atomic<std::chrono::steady_clock::rep> busy_{0};
+  std::chrono::steady_clock::time_point started_;
+  std::thread extraction_thread_, output_thread_;
 };
 
 }  // namespace combforce

@@ -54,6 +54,17 @@ Json encode(const Event& event) {
           {"text", event.text}};
 }
 
+Json encode(const Spectrum& spectrum) {
+  Json density = Json::array();
+  for (const double value : spectrum.density) density.push_back(number9(value));
+  return {{"first_sample", spectrum.first_sample},
+          {"samples", spectrum.samples},
+          {"segments", spectrum.segments},
+          {"bin_hz", number9(spectrum.bin_hz)},
+          {"unit", spectrum.unit},
+          {"density", std::move(density)}};
+}
+
 Json encode(const RecordingSummary& summary) {
   return {{"meta_path", summary.meta_path},     {"first_sample", summary.first_sample},
           {"frames", summary.frames},           {"gaps", summary.gaps},

@@ -17,6 +17,8 @@ Json encode(const LineDone& line);
 Json encode(const FrameDone& frame);
 // {kind, first_sample, count, text}
 Json encode(const Event& event);
+// {first_sample, samples, segments, bin_hz, unit, density: [of bin 0, of bin 1, …]}
+Json encode(const Spectrum& spectrum);
 // {sample, utc, uncertainty_s, state, …}: the result of instrument.status and the `status` notification.
 Json encode(const InstrumentStatus& status);
 // {meta_path, first_sample, frames, gaps, lost_frames, complete, failure}

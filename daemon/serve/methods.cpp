@@ -60,8 +60,8 @@ void add_instrument(RpcTable& table, Instrument& instrument) {
 Json scan_schema() {
   return object_schema(
       {{"frames", integer(0, max_u32, "frames to scan, 0: until stopped; default 1")},
-       {"lines", integer(1, max_u32, "absent, like the rest: as configured")},
-       {"columns", integer(1, max_u32, "pixels a line")},
+       {"lines", integer(1, most_pixels_a_side, "absent, like the rest: as configured")},
+       {"columns", integer(1, most_pixels_a_side, "pixels a line")},
        {"pixel_samples", integer(1, max_index, "samples a pixel")},
        {"settle_samples", integer(0, max_index, "skipped at the start of a pixel, at least")},
        {"windows", integer(1, max_u32, "comb windows averaged in a pixel")},
@@ -150,14 +150,17 @@ void add_free_capture(RpcTable& table, Instrument& instrument,
         windows ? static_cast<std::uint32_t>(windows->integer()) : 16,
         [post, respond](const std::optional<FreeResponse>& response, const std::string& why) {
           RpcResult result =
-              response ? RpcResult(encode(*response)) : RpcError{rpc_instrument_error, why, nullptr};
+              why.empty() ? RpcResult(encode(*response)) : RpcError{rpc_instrument_error, why, nullptr};
           post([respond, result = std::move(result)] { respond(result); });
         });
   };
-  table.add({"free.capture",
-             "Average the free motion: the reference from which forces are measured. Answers when done.",
-             object_schema({{"windows", integer(1, 1000000, "comb windows to average; default 16")}}),
-             any_object(), RpcDeferredHandler(std::move(capture))});
+  table.add(
+      {"free.capture",
+       "Average the free motion: the reference from which forces are measured. Answers when done. An error "
+       "says that there is none, or that it drifts: pixels are flagged incoherent until it is captured "
+       "again.",
+       object_schema({{"windows", integer(1, 1000000, "comb windows to average; default 16")}}), any_object(),
+       RpcDeferredHandler(std::move(capture))});
 }
 
 void add_drive(RpcTable& table, Instrument& instrument) {
@@ -214,7 +217,10 @@ Json encode(const Subscriptions& subscriptions) {
   for (std::size_t i = 0; i < topic_names.size(); ++i) {
     if (subscriptions.topics[i]) topics.push_back(topic_names[i]);
   }
-  return {{"topics", topics}, {"tones", subscriptions.tones}, {"every", subscriptions.every}};
+  return {{"topics", topics},
+          {"tones", subscriptions.tones},
+          {"every", subscriptions.every},
+          {"spectrum_hz", subscriptions.spectrum_hz}};
 }
 
 void add_subscriptions(RpcTable& table) {
@@ -224,7 +230,12 @@ void add_subscriptions(RpcTable& table) {
              "Be sent notifications from now on: those named here besides those subscribed to before.",
              object_schema({{"topics", topics},
                             {"tones", typed("boolean", "pixels with their tones; default true")},
-                            {"every", integer(1, max_index, "every n-th pixel; default 1")}},
+                            {"every", integer(1, max_index, "every n-th pixel; default 1")},
+                            {"spectrum_hz",
+                             {{"type", "number"},
+                              {"minimum", SpectrumMonitor::least_hz},
+                              {"maximum", SpectrumMonitor::most_hz},
+                              {"description", "spectra of the deflection a second; default 1"}}}},
                            {"topics"}),
              any_object(), RpcHandler([](const JsonView& params, Subscriptions& caller) {
                set_topics(params.get("topics"), caller, true);
@@ -232,6 +243,8 @@ void add_subscriptions(RpcTable& table) {
                caller.tones = tones ? tones->boolean() : true;
                const auto every = params.find("every");
                caller.every = every ? every->integer(1) : 1;
+               const auto spectrum_hz = params.find("spectrum_hz");
+               caller.spectrum_hz = spectrum_hz ? spectrum_hz->number(positive) : 1.0;
                return encode(caller);
              })});
   table.add({"unsubscribe", "No longer be sent these notifications.",

@@ -49,12 +49,13 @@ void Server::run(Instrument& instrument) {
   RpcTable table("Combforce", COMBFORCE_VERSION);
   add_methods(table, instrument,
               [this](std::function<void()> task) { impl_->sockets.post(std::move(task)); });
-  impl_->sockets.run(table, [this, &instrument] {
+  const auto every_second = [this, &instrument] {
     if (!impl_->sockets.wanted().status) return;
     const InstrumentStatus status = instrument.status();
     impl_->sockets.publish(
         {Topic::status, status.sample, shared_line(Topic::status, encode(status)), nullptr});
-  });
+  };
+  impl_->sockets.run(table, every_second, [&instrument](double hz) { instrument.set_spectrum_rate(hz); });
 }
 
 void Server::stop() {
@@ -86,6 +87,11 @@ void Server::publish_frame(const FrameDone& frame) {
   if (!impl_->sockets.wanted().frame) return;
   const std::uint64_t sample = impl_->pixel_sample.load(std::memory_order_relaxed);
   impl_->sockets.publish({Topic::frame, sample, shared_line(Topic::frame, encode(frame)), nullptr});
+}
+
+void Server::publish_spectrum(const Spectrum& spectrum) {
+  impl_->sockets.publish(
+      {Topic::spectrum, spectrum.first_sample, shared_line(Topic::spectrum, encode(spectrum)), nullptr});
 }
 
 void Server::publish_event(const Event& event) {

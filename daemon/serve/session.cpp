@@ -87,6 +87,7 @@ void Session::reply(std::string line) {
 void Session::deliver(const Notification& notification) {
   if (state_ != State::open || !subscriptions_.has(notification.topic)) return;
   if (notification.topic == Topic::pixel && due_pixels(1) == 0) return;
+  if (notification.topic == Topic::spectrum && !spectrum_due()) return;
   const bool brief = notification.topic == Topic::pixel && !subscriptions_.tones;
   const SharedLine& line = brief ? notification.brief : notification.line;
   if (line == nullptr) return;  // published before this client asked for it
@@ -107,6 +108,17 @@ std::uint64_t Session::due_pixels(std::uint64_t seen) {
   const std::uint64_t before = (pixels_seen_ + every - 1) / every;
   pixels_seen_ += seen;
   return (pixels_seen_ + every - 1) / every - before;
+}
+
+// Spectra come as often as the most eager client wants them; a tenth of this client's period may be missing.
+bool Session::spectrum_due() {
+  using std::chrono::steady_clock;
+  const std::chrono::duration<double> seconds(1.0 / subscriptions_.spectrum_hz);
+  const auto period = std::chrono::duration_cast<steady_clock::duration>(seconds);
+  const auto now = steady_clock::now();
+  if (now < next_spectrum_ - period / 10) return false;
+  next_spectrum_ = now > next_spectrum_ + period ? now + period : next_spectrum_ + period;
+  return true;
 }
 
 void Session::write() {

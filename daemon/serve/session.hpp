@@ -50,6 +50,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void close_when_sent();
   bool answers_due() const { return answer_token_.use_count() > 1; }
   std::uint64_t due_pixels(std::uint64_t seen);
+  bool spectrum_due();
 
   StreamSocket socket_;
   const RpcTable& table_;
@@ -60,7 +61,8 @@ class Session : public std::enable_shared_from_this<Session> {
   std::array<char, 16384> input_{};
   bool input_ended_ = false;
   Subscriptions subscriptions_;
-  std::uint64_t pixels_seen_ = 0;                                // while subscribed to them
+  std::uint64_t pixels_seen_ = 0;  // while subscribed to them
+  std::chrono::steady_clock::time_point next_spectrum_;
   std::shared_ptr<int> answer_token_ = std::make_shared<int>();  // shared by whatever will still answer
   Outbox outbox_;
   std::size_t writing_ = 0;  // lines of the outbox that are being written

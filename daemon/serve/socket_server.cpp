@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
@@ -52,14 +53,15 @@ class SocketServer::Impl {
     if (tcp_) tcp_endpoint_ = tcp_->endpoint();
   }
 
-  void run(const RpcTable& table, std::function<void()> every_second) {
+  void run(const RpcTable& table, std::function<void()> every_second,
+           std::function<void(double hz)> spectrum_rate) {
     table_ = &table;
     every_second_ = std::move(every_second);
+    spectrum_rate_ = std::move(spectrum_rate);
     if (unix_) accept(*unix_);
     if (tcp_) accept(*tcp_);
     tick();
     io_.run();
-    signals_.clear();
   }
 
   void stop_on_signals() {
@@ -126,8 +128,14 @@ class SocketServer::Impl {
 
   void refresh_wanted() {
     unsigned bits = 0;
-    for (const auto& [key, session] : sessions_) bits |= wanted_bits(session->subscriptions());
+    double spectrum_hz = 0.0;
+    for (const auto& [key, session] : sessions_) {
+      const Subscriptions& subscriptions = session->subscriptions();
+      bits |= wanted_bits(subscriptions);
+      if (subscriptions.has(Topic::spectrum)) spectrum_hz = std::max(spectrum_hz, subscriptions.spectrum_hz);
+    }
     wanted_.store(bits, std::memory_order_relaxed);
+    if (std::exchange(spectrum_hz_, spectrum_hz) != spectrum_hz) spectrum_rate_(spectrum_hz);
   }
 
   void deliver(const NotificationBatch& batch) {
@@ -168,6 +176,8 @@ class SocketServer::Impl {
   std::atomic<unsigned> wanted_{0};
   const RpcTable* table_ = nullptr;
   std::function<void()> every_second_;
+  std::function<void(double hz)> spectrum_rate_;
+  double spectrum_hz_ = 0.0;
   std::unique_ptr<UnixListener> unix_;
   std::unique_ptr<TcpListener> tcp_;
   std::string tcp_endpoint_;
@@ -181,8 +191,9 @@ SocketServer::SocketServer(const Addresses& addresses, std::uint64_t client_byte
     : impl_(std::make_unique<Impl>(addresses, client_bytes)) {}
 SocketServer::~SocketServer() = default;
 
-void SocketServer::run(const RpcTable& table, std::function<void()> every_second) {
-  impl_->run(table, std::move(every_second));
+void SocketServer::run(const RpcTable& table, std::function<void()> every_second,
+                       std::function<void(double hz)> spectrum_rate) {
+  impl_->run(table, std::move(every_second), std::move(spectrum_rate));
 }
 void SocketServer::stop() {
   impl_->stop();

@@ -68,6 +68,7 @@ Oscillator::Oscillator(const OscillatorSettings& settings)
       random_(settings.seed) {
   for (const Mode& mode : settings_.cantilever.modes)
     volts_per_nm_.push_back(1.0 / mode.sensitivity_nm_per_v);
+  detuned_turns_.assign(tones_, 0.0);
   set_weights(settings.drive_forces_nn);
   make_cells();
   make_thermal_forces();
@@ -143,12 +144,35 @@ void Oscillator::set_weights(std::span<const Complex> forces_nn) {
 }
 
 void Oscillator::set_drive(std::span<const Complex> forces_nn) {
+  settings_.drive_forces_nn.assign(forces_nn.begin(), forces_nn.end());
+  keep_motion([&] { set_weights(forces_nn); });
+}
+
+void Oscillator::detune(double relative) {
+  keep_motion([&] {
+    for (std::size_t n = 0; n < tones_; ++n) {
+      const double ahead =
+          static_cast<double>(sample_ - detuned_from_) / static_cast<double>(settings_.window_samples);
+      detuned_turns_[n] += detuning_ * static_cast<double>(settings_.drive_bins[n]) * ahead;
+      dynamics_.lambda[n] *= (1.0 + relative) / (1.0 + detuning_);
+    }
+    detuning_ = relative;
+    detuned_from_ = sample_;
+    whole_sample_ = CellTable(dynamics_, whole_sample_.seconds);
+    short_ = ShortCell(dynamics_);
+    set_weights(settings_.drive_forces_nn);
+  });
+}
+
+// What changes in the steady state of the drive is made up for in the response.
+template <typename Change>
+void Oscillator::keep_motion(Change change) {
   std::vector<Complex> before(modes_), velocity_before(modes_);
   for (std::size_t m = 0; m < modes_; ++m) {
     before[m] = free_nm(m);
     velocity_before[m] = drive_velocity(m);
   }
-  set_weights(forces_nn);
+  change();
   ladder_.clear();
   make_cells();
   level_ = 0;
@@ -196,7 +220,13 @@ double Oscillator::detector_v() const {
 void Oscillator::renew_phases() {
   for (std::size_t n = 0; n < tones_; ++n) {
     const std::uint64_t index = phase_index(settings_.drive_bins[n], sample_, settings_.window_samples);
-    const double phase = phase_radians(index, settings_.window_samples);
+    double phase = phase_radians(index, settings_.window_samples);
+    if (detuning_ != 0.0 || detuned_turns_[n] != 0.0) {
+      const double ahead =
+          static_cast<double>(sample_ - detuned_from_) / static_cast<double>(settings_.window_samples);
+      phase += 2.0 * std::numbers::pi *
+               (detuned_turns_[n] + detuning_ * static_cast<double>(settings_.drive_bins[n]) * ahead);
+    }
     re_[n] = std::cos(phase);
     im_[n] = std::sin(phase);
   }

@@ -51,6 +51,11 @@ class Oscillator {
   // The next sample on has this drive; deflection and velocity of every mode are continuous.
   void set_drive(std::span<const std::complex<double>> forces_nn);
 
+  // From the next sample on the drive's clock runs fast by `relative` (negative: slow): tones keep their
+  // forces, and their phases here, and every frequency is (1 + relative) times that of its bin. Deflection
+  // and velocity of every mode are continuous.
+  void detune(double relative);
+
   // Writes the detector signal sum q_m/alpha_m (V) at the next samples and moves past them.
   void advance(std::span<double> detector_v);
 
@@ -77,6 +82,8 @@ class Oscillator {
   void set_weights(std::span<const std::complex<double>> forces_nn);
   std::complex<double> drive_velocity(std::size_t mode) const;
   double detector_v() const;
+  template <typename Change>
+  void keep_motion(Change change);
   void renew_phases();
   void renew_guards();
   void begin_next_sample();
@@ -104,6 +111,9 @@ class Oscillator {
   std::vector<std::complex<double>> free_detector_v_;            // one a tone
   std::vector<double> volts_per_nm_;                             // 1/alpha_m
   std::uint64_t sample_ = 0, cells_ = 0;
+  double detuning_ = 0.0;              // relative
+  std::vector<double> detuned_turns_;  // of each tone at detuned_from_, beyond the phase of its bin
+  std::uint64_t detuned_from_ = 0;
 
   std::vector<CellTable> ladder_;     // each half as long as the one before
   std::vector<double> guard_nm_;      // one a ladder step: how near the kink may be without being in the cell

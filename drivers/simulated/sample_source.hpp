@@ -39,6 +39,8 @@ class SampleSource {
   void start_scan(const ScanLayout& layout, std::uint32_t frames, SceneMaps scene);  // no scan may run
   void stop_scan();
   void set_drive(const Drive& drive);  // must fit the comb
+  // The drive's clock from the next sample on (Oscillator::detune); no step is marked.
+  void detune(double relative) { oscillator_.detune(relative); }
   bool scanning() const { return raster_.has_value(); }
 
   // Appends frames to a block: codes (interleaved) and marks, at most `frames`, fewer when the marks would

@@ -16,6 +16,8 @@ namespace combforce {
 
 namespace {
 
+constexpr std::size_t most_pixels = std::size_t{1} << 22;
+
 void require(bool holds, const std::string& field, double value, const std::string& bound) {
   if (!holds) throw std::invalid_argument(fmt::format("scene.{}: {}, must be {}", field, value, bound));
 }
@@ -164,10 +166,12 @@ void fill_maps(const SceneSettings& scene, const ModelInfo& model, SceneMaps& ma
 SceneMaps make_scene(const SceneSettings& scene, const ModelInfo& model, const ScanLayout& layout) {
   require(layout.lines >= 1, "scan.lines", layout.lines, ">= 1");
   require(layout.columns >= 1, "scan.columns", layout.columns, ">= 1");
+  const std::size_t pixels = std::size_t{layout.lines} * layout.columns;
+  require(pixels <= most_pixels, "scan.lines * scan.columns", static_cast<double>(pixels),
+          fmt::format("<= {}: the scene is computed for every pixel", most_pixels));
   SceneMaps maps;
   maps.lines = layout.lines;
   maps.columns = layout.columns;
-  const std::size_t pixels = std::size_t{maps.lines} * maps.columns;
   maps.height_nm.assign(pixels, 0.0);
   maps.parameters.assign(model.parameters.size() - 1, std::vector<double>(pixels));
   switch (scene.kind) {

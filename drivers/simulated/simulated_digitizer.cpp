@@ -103,7 +103,7 @@ class SimulatedDigitizer::Impl {
   void set_drive(const Drive& drive) {
     SimulationSettings changed = settings_;
     changed.drive = drive;
-    drive_forces(changed);  // throws when it does not fit
+    validate(changed);
     const std::scoped_lock lock(mutex_);
     drive_ = drive;
     drive_changed_ = true;
@@ -165,6 +165,8 @@ class SimulatedDigitizer::Impl {
       if (fault.kind == Kind::stall) {
         sleep_until(Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                        std::chrono::duration<double>(fault.duration_s)));
+      } else if (fault.kind == Kind::detuned) {
+        source_.detune(1e-6 * fault.detuning_ppm);
       } else if (fault.kind != Kind::clipped && fault.sample + fault.frames > source_.next_sample()) {
         lost_until_ = fault.sample + fault.frames;
         return;
@@ -233,6 +235,7 @@ class SimulatedDigitizer::Impl {
     unknown_lost_ += header.frames;
     if (source_.next_sample() == lost_until_) {
       ++epoch_;
+      epoch_first_sample_ = lost_until_ - unknown_lost_;
       lost_before_ = 0;
     }
   }
@@ -241,6 +244,7 @@ class SimulatedDigitizer::Impl {
   bool deliver(BlockHeader& header) {
     header.epoch = epoch_;
     header.epoch_reason = epoch_ == 0 ? EpochReason::start : EpochReason::unknown_loss;
+    header.epoch_first_sample = epoch_first_sample_;
     header.lost_before = std::exchange(lost_before_, 0);
     header.first_sample -= unknown_lost_;
     for (std::uint32_t i = 0; i < header.mark_count; ++i) {
@@ -293,6 +297,7 @@ class SimulatedDigitizer::Impl {
   std::uint64_t known_lost_ = 0;
   std::uint64_t unknown_lost_ = 0;  // true sample - stream index
   std::uint32_t epoch_ = 0;
+  std::uint64_t epoch_first_sample_ = 0;
 
   mutable std::mutex mutex_;  // of what follows
   std::condition_variable changed_;

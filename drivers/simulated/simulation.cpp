@@ -16,6 +16,8 @@ using Complex = std::complex<double>;
 namespace {
 
 constexpr std::uint64_t most_block_frames = 1u << 20;
+constexpr double most_motion_nm = 1e5;
+constexpr double most_detuning_ppm = 1e4;
 constexpr std::uint64_t most_samples = std::uint64_t{1} << 53;  // what messages can carry
 
 template <typename Value>
@@ -44,6 +46,10 @@ void validate_faults(const std::vector<FaultSettings>& faults) {
       require(fault.duration_s > 0.0 && fault.duration_s <= 3600.0, field + ".duration_s", fault.duration_s,
               "> 0 and <= 3600");
       free_from = fault.sample;
+    } else if (fault.kind == FaultSettings::Kind::detuned) {
+      require(std::abs(fault.detuning_ppm) <= most_detuning_ppm, field + ".detuning_ppm", fault.detuning_ppm,
+              fmt::format("-{0}..{0}", most_detuning_ppm));
+      free_from = fault.sample;
     } else {
       require(fault.frames >= 1, field + ".frames", fault.frames, ">= 1");
       free_from = fault.sample + fault.frames;
@@ -64,7 +70,10 @@ void validate(const SimulationSettings& settings) {
   validate(settings.cantilever);
   validate(settings.comb);
   for (const Mode& mode : settings.cantilever.modes) mode_dynamics(mode);
-  drive_forces(settings);
+  double greatest_nm = 0.0;
+  for (const Complex& tone : exact_free_response(settings)) greatest_nm += std::abs(tone);
+  require(greatest_nm <= most_motion_nm, "drive", fmt::format("{} nm of free motion", greatest_nm),
+          fmt::format("<= {} nm", most_motion_nm));
   find_model(settings.model);
   const FeedbackSettings& feedback = settings.feedback;
   if (feedback.enabled) {

@@ -58,12 +58,14 @@ struct FaultSettings {
     lost_block,    // `frames` frames from `sample` on are not delivered: known loss
     unknown_loss,  // the same, of unknown length: a new epoch
     clipped,       // `frames` deflection samples read full scale
-    stall          // delivery pauses for duration_s before `sample`; nothing is lost by it
+    stall,         // delivery pauses for duration_s before `sample`; nothing is lost by it
+    detuned        // from `sample` on the drive runs on a clock of its own, fast by detuning_ppm
   };
   Kind kind = Kind::lost_block;
   std::uint64_t sample = 0;
   std::uint64_t frames = 0;
   double duration_s = 0.0;
+  double detuning_ppm = 0.0;
 
   bool operator==(const FaultSettings&) const = default;
 };

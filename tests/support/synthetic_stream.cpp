@@ -21,6 +21,7 @@ void SyntheticStream::push_into(BlockSink& sink, const std::function<std::uint32
       ++next_epoch;
       ++header.epoch;
       header.epoch_reason = EpochReason::unknown_loss;
+      header.epoch_first_sample = at;
       lost_before = 0;
     }
     std::uint64_t until = std::min(end, at + block_frames());
@@ -58,6 +59,7 @@ PipelineOutputs Recorded::outputs() {
   return {.pixel =
               [this](const RetiredPixel& pixel) {
                 pixels.push_back(pixel.pixel);
+                tip_nm.emplace_back(pixel.tip_nm.begin(), pixel.tip_nm.end());
                 fits.push_back(pixel.fit);
                 order.emplace_back("pixel");
                 const Description& description = pixel.analysis.description;
@@ -81,6 +83,7 @@ PipelineOutputs Recorded::outputs() {
                 order.push_back(event.kind);
                 events.push_back(event);
               },
+          .spectrum = {},
           .change = [this](std::uint64_t, const Analysis&) { order.emplace_back("change"); }};
 }
 

@@ -36,6 +36,7 @@ StreamInfo one_channel(double sample_rate_hz, std::uint32_t block_frames);
 // Everything a pipeline puts out, in order.
 struct Recorded {
   std::vector<Pixel> pixels;
+  std::vector<std::vector<std::complex<double>>> tip_nm;
   std::vector<FitResult> fits;
   std::string lines;               // as a subscriber receives them
   std::vector<std::string> order;  // "pixel", "line", "frame", event kinds, "change"

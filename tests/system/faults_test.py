@@ -57,6 +57,19 @@ class Faults(SystemTest):
         self.assertNotEqual([], after)
         self.assertEqual({"no_free_response"}, {pixel["fit"]["status"] for pixel in after if not pixel["flags"]})
 
+    def test_detuned_drive(self):
+        # 5 ppm of 600 kHz turn by 0.13 rad while the free response is captured, eight windows: no force holds.
+        _, pixels = self.simulate({"kind": "detuned", "sample": 0, "detuning_ppm": 5})
+        self.assertEqual(LINES * COLUMNS, len(pixels))
+        for pixel in pixels:
+            self.assertEqual((["incoherent"], "flagged", None),
+                             (pixel["flags"], pixel["fit"]["status"], pixel["fit"]["parameters"]))
+
+    def test_drive_detuned_too_little_to_matter(self):
+        # 0.1 ppm turn by 3 mrad in the capture: below the tolerance of 10 mrad.
+        _, pixels = self.simulate({"kind": "detuned", "sample": 0, "detuning_ppm": 0.1})
+        self.assertEqual([], [pixel for pixel in pixels if "incoherent" in pixel["flags"]])
+
     def test_stall(self):
         _, pixels = self.simulate({"kind": "stall", "sample": 200000, "duration_s": 0.3})
         self.assertEqual(LINES * COLUMNS, len(pixels))

@@ -4,23 +4,9 @@ import json
 import signal
 import unittest
 
-from harness import COMBFORCE, SOURCE, SystemTest, run, small_instrument, wait_for
+from harness import COMBFORCE, SOURCE, SystemTest, pixel_lines, run, small_instrument, wait_for
 
 LINES, COLUMNS = 4, 8
-
-
-def is_pixel(line):
-    return line.startswith(b'{"jsonrpc":"2.0","method":"pixel"')
-
-
-def pixel_lines(client, count):
-    """The next `count` pixel lines as they came."""
-    lines = []
-    while len(lines) < count:
-        line = client.line()
-        if is_pixel(line):
-            lines.append(line)
-    return lines
 
 
 class Live(SystemTest):
@@ -78,15 +64,81 @@ class Live(SystemTest):
         jsonschema.validate(written, json.loads(schema.read_text(encoding="utf-8")))
         self.assertEqual(LINES, len(written["annotations"]))
 
-    def test_sigterm_closes_the_recording(self):
+    def test_signals_close_the_recording(self):
+        # As Ctrl-C in a terminal does it: SIGINT to everyone, then SIGTERM from the script that started the daemon.
         daemon, control, watcher = self.started()
         meta = control.call("record.start", name="cut")["meta_path"]
         control.call("scan.start", frames=0)
         live = pixel_lines(watcher, 2 * COLUMNS)
+        for sent in [signal.SIGINT, signal.SIGTERM, signal.SIGINT]:
+            daemon.process.send_signal(sent)
         self.assertEqual(0, daemon.end(), daemon.log())
         with open(meta, encoding="utf-8") as file:
             self.assertIn("core:sha512", json.load(file)["global"])
         self.assertEqual(live, self.replay(meta)[:2 * COLUMNS])
+
+    def test_recording_begun_after_the_clock_broke(self):
+        # The reference is older than the recording and of its epoch: replay must believe in it as live did.
+        configuration = small_instrument(LINES, COLUMNS)
+        configuration["digitizer"]["simulation"]["faults"] = [{"kind": "unknown_loss", "sample": 50000, "frames": 77}]
+        daemon = self.daemon(configuration)
+        control, watcher = daemon.client(), daemon.client()
+        wait_for(lambda: control.call("instrument.status")["epoch"] == 1, "the new epoch")
+        control.call("free.capture", windows=8)
+        watcher.call("subscribe", topics=["pixel"])
+        meta = control.call("record.start", name="late")["meta_path"]
+        control.call("scan.start", frames=1)
+        live = pixel_lines(watcher, LINES * COLUMNS)
+        control.call("record.stop")
+        self.assertEqual(0, daemon.end(), daemon.log())
+        statuses = [json.loads(line)["params"]["fit"]["status"] for line in live]
+        self.assertGreater(statuses.count("converged"), LINES * COLUMNS / 2, statuses)
+        self.assertEqual(live, self.replay(meta))
+
+    def test_free_response_that_drifts_between_captures(self):
+        # A drive 0.2 ppm fast: 6 mrad of the 600 kHz tone in a capture of 8 ms, 0.75 rad in a second.
+        configuration = small_instrument(LINES, COLUMNS)
+        configuration["digitizer"]["simulation"]["faults"] = [{"kind": "detuned", "sample": 0, "detuning_ppm": 0.2}]
+        daemon = self.daemon(configuration)
+        control = daemon.client()
+        control.call("subscribe", topics=["event"])
+        first = control.call("free.capture", windows=8)
+        later = first["first_sample"] + 5_000_000
+        wait_for(lambda: control.call("instrument.status")["sample"] > later, "a second of the stream")
+        second = control.call("free.capture", windows=8)
+        event = control.notification("event")
+        self.assertEqual(("incoherent", second["first_sample"]), (event["kind"], event["first_sample"]))
+        self.assertIn(f"since sample {first['first_sample']}", event["text"])
+
+    def test_incoherent_capture_is_an_error_and_an_event(self):
+        configuration = small_instrument(LINES, COLUMNS)
+        configuration["digitizer"]["simulation"]["faults"] = [{"kind": "detuned", "sample": 0, "detuning_ppm": 5}]
+        daemon = self.daemon(configuration)
+        control = daemon.client()
+        control.call("subscribe", topics=["event"])
+        error = control.request("free.capture", windows=8)["error"]
+        self.assertIn("share no clock", error["message"])
+        event = control.notification("event")
+        self.assertEqual(("incoherent", error["message"]), (event["kind"], event["text"]))
+        control.call("subscribe", topics=["pixel"])
+        control.call("scan.start", frames=1)
+        self.assertEqual(["incoherent"], control.notification("pixel")["flags"])
+
+    def test_spectra_of_the_deflection(self):
+        control = self.daemon(small_instrument(LINES, COLUMNS)).client()
+        control.call("subscribe", topics=["spectrum"], spectrum_hz=10)
+        spectra = [control.notification("spectrum") for _ in range(2)]
+        for spectrum in spectra:
+            self.assertEqual("nm^2/Hz", spectrum["unit"])
+            density, bin_hz = spectrum["density"], spectrum["bin_hz"]
+            self.assertEqual(8193, len(density))
+            # The free motion of 100 kHz: 41 nm of the 50 nm that share their energy, k 4 and 80 N/m; a Hann window
+            # spreads it over three bins.
+            peak = round(100e3 / bin_hz)
+            self.assertEqual(peak, density.index(max(density)))
+            amplitude_nm = (2 * sum(density[peak - 2:peak + 3]) * bin_hz) ** 0.5
+            self.assertAlmostEqual(50 / (1 + (4 / 80) ** 0.5), amplitude_nm, delta=0.1)
+        self.assertGreater(spectra[1]["first_sample"], spectra[0]["first_sample"])
 
     def test_kill_while_recording(self):
         daemon, control, watcher = self.started()

@@ -45,7 +45,10 @@ class ClientTest : public testing::Test {
                  publish(2);
                  server.post([respond] { respond(Json("done")); });
                })});
-    thread = std::thread([this] { server.run(table, [] {}); });
+    thread = std::thread([this] {
+      server.run(
+          table, [] {}, [](double) {});
+    });
   }
   ~ClientTest() override { stop(); }
 

@@ -37,7 +37,8 @@ TEST(Configuration, ReadsEverySection) {
     // comments are allowed
     "digitizer": {"kind": "replay", "replay": {"recording": "/data/REC.sigmf-meta", "realtime": true, "verify": false}},
     "comb": {"window_samples": 588, "tones": [{"bin": 31}]},
-    "pipeline": {"threads": 3, "ring_blocks": 16, "pixel_slots": 32},
+    "pipeline": {"threads": 3, "ring_blocks": 16, "pixel_slots": 32, "drift_tolerance": 0.5,
+                 "spectrum_segment": 64},
     "server": {"unix_socket": "a.sock", "address": "0.0.0.0", "port": 1, "client_bytes": 65536},
     "record": {"directory": "/tmp"},
     "log_level": "debug" /* and these too */
@@ -46,7 +47,7 @@ TEST(Configuration, ReadsEverySection) {
   EXPECT_EQ(configuration.digitizer.replay, (ReplaySettings{"/data/REC.sigmf-meta", true, false}));
   EXPECT_EQ(configuration.description.comb, (Comb{588, {{31, true}}}));
   EXPECT_FALSE(configuration.description.scan);
-  EXPECT_EQ(configuration.pipeline, (PipelineSettings{3, 16, 32}));
+  EXPECT_EQ(configuration.pipeline, (PipelineSettings{3, 16, 32, 0.5, 64}));
   EXPECT_EQ(configuration.server, (ServerSettings{"a.sock", "0.0.0.0", 1, 65536}));
   EXPECT_EQ(configuration.record.directory, "/tmp");
   EXPECT_EQ(configuration.log_level, "debug");
@@ -152,6 +153,10 @@ TEST(Configuration, RefusesBadSettings) {
       {R"({"pipeline": {"threads": -1}})", "/pipeline/threads", "must be in [0, 1024]"},
       {R"({"pipeline": {"ring_blocks": 1}})", "/pipeline/ring_blocks", "must be in [2,"},
       {R"({"pipeline": {"pixel_slots": 0}})", "/pipeline/pixel_slots", "must be in [2,"},
+      {R"({"pipeline": {"drift_tolerance": 0}})", "/pipeline/drift_tolerance", "must be in (0, 1]"},
+      {R"({"pipeline": {"spectrum_segment": 65}})", "/pipeline/spectrum_segment", "is 65, must be even"},
+      {R"({"pipeline": {"spectrum_segment": 262144}})", "/pipeline/spectrum_segment",
+       "must be in [4, 131072]"},
       {R"({"pipeline": {"slots": 1}})", "/pipeline/slots", "unknown key"},
       {R"({"server": {"address": ""}})", "/server/address", "is empty"},
       {R"({"server": {"client_bytes": 100}})", "/server/client_bytes", "must be in [65536,"},

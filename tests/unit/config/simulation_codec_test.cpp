@@ -27,7 +27,8 @@ const std::string complete = R"({"digitizer": {"kind": "simulated", "simulation"
   "frames": 2, "temperature_k": 4, "detector_nm_per_sqrt_hz": 1e-3, "volts_per_code": 1e-4, "z_nm_per_code": 0,
   "free_seconds": 0.1, "seed": 9007199254740991, "accuracy": "accurate", "paced": false, "block_frames": 100,
   "faults": [{"kind": "lost_block", "sample": 10, "frames": 5}, {"kind": "unknown_loss", "sample": 10, "frames": 6},
-             {"kind": "clipped", "sample": 30, "frames": 7}, {"kind": "stall", "sample": 40, "duration_s": 0.5}]
+             {"kind": "clipped", "sample": 30, "frames": 7}, {"kind": "stall", "sample": 40, "duration_s": 0.5},
+             {"kind": "detuned", "sample": 50, "detuning_ppm": -1.5}]
 }}})";
 
 SimulationSettings parsed(const std::string& text) {
@@ -76,7 +77,8 @@ TEST(SimulationCodec, ReadsEveryKey) {
   expected.faults = {{FaultSettings::Kind::lost_block, 10, 5, 0},
                      {FaultSettings::Kind::unknown_loss, 10, 6, 0},
                      {FaultSettings::Kind::clipped, 30, 7, 0},
-                     {FaultSettings::Kind::stall, 40, 0, 0.5}};
+                     {FaultSettings::Kind::stall, 40, 0, 0.5},
+                     {FaultSettings::Kind::detuned, 50, 0, 0.0, -1.5}};
   EXPECT_EQ(simulation, expected);
 }
 

@@ -77,6 +77,31 @@ TEST(Oscillator, DriveStepsAreContinuous) {
   }
 }
 
+// A drive 700 ppm fast, then 300 ppm slow, then on the comb again: the phase goes on from where it was, and
+// once the mode has settled (40 ring-downs of 577 samples) it moves as at that frequency.
+TEST(Oscillator, DetunedDriveTurnsAgainstTheComb) {
+  OscillatorSettings settings = thermal_mode(1, 0.0);
+  settings.drive_bins = {234};
+  settings.drive_forces_nn = {{0.6, -0.3}};
+  Oscillator oscillator(settings);
+  double turns = 0.0;
+  for (const double detuning : {0.0, 7e-4, -3e-4, 0.0}) {
+    oscillator.detune(detuning);
+    const double frequency = 117e3 * (1.0 + detuning);
+    std::vector<double> volts(30000 + 123);
+    oscillator.advance(volts);
+    for (std::size_t n = 25000; n < volts.size(); n += 97) {
+      const double phase = two_pi * std::fmod(turns + frequency * static_cast<double>(n) / 1e6, 1.0);
+      const double expected = (detector_response(settings.cantilever, frequency) *
+                               settings.drive_forces_nn[0] * std::polar(1.0, phase))
+                                  .real();
+      // exp(-43) of the 30 nm ring on; a phase of 20000 turns is rounded to 1e-11.
+      ASSERT_NEAR(volts[n], expected, 1e-8) << "sample " << n << " at " << detuning;
+    }
+    turns += frequency * static_cast<double>(volts.size()) / 1e6;
+  }
+}
+
 TEST(Oscillator, SameSeedSameSamplesHoweverTheyAreAskedFor) {
   OscillatorSettings settings =
       paper_oscillator(paper_bins, DriveScheme::equal_energy, 8e6, IntegratorAccuracy::live);

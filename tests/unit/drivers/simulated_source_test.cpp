@@ -293,6 +293,12 @@ TEST(SimulationSettings, BadValuesAreNamed) {
       "faults[0].duration_s: -1");
   refused(
       [](auto& s) {
+        s.faults = {{FaultSettings::Kind::detuned, 10, 0, 0.0, 1e5}};
+      },
+      "faults[0].detuning_ppm: 100000");
+  refused([](auto& s) { s.drive.total_amplitude_nm = 1e6; }, "must be <= 100000 nm");
+  refused(
+      [](auto& s) {
         s.faults = {{FaultSettings::Kind::lost_block, 10, 5, 0.0},
                     {FaultSettings::Kind::clipped, 14, 5, 0.0}};
       },

@@ -50,6 +50,8 @@ TEST(PixelClock, LayoutIsCheckedByField) {
 
 TEST(PixelClock, LayoutTooLongFor64BitsIsRefused) {
   EXPECT_THROW(validate(layout_of(1, 1000, largest - 10), 100), std::invalid_argument);
+  EXPECT_NO_THROW(validate(layout_of(1U << 31, 1U << 22), 100));
+  EXPECT_THROW(validate(layout_of(1U << 31, (1U << 22) + 1), 100), std::invalid_argument);
   const std::uint64_t window = (std::uint64_t{1} << 32) - 1;
   const std::uint32_t windows = std::numeric_limits<std::uint32_t>::max();
   EXPECT_THROW(validate(layout_of(1, 1000, largest - 10, windows), window), std::invalid_argument);

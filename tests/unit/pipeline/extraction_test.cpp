@@ -269,5 +269,59 @@ TEST(Extraction, AScheduledChangeTakesEffectAtThePixelBoundary) {
   EXPECT_EQ(std::count(recorded.order.begin(), recorded.order.end(), "change"), 1);
 }
 
+TEST(Extraction, WithoutACantileverTonesAreVoltsTimesTheChannelsLength) {
+  SyntheticStream stream;
+  stream.samples = 2 * window;
+  stream.value = two_tones;
+  StreamInfo info = one_channel(1e6, 512);
+  info.marks_lines = false;
+  Description how;
+  how.comb = Comb{window, {{7, true}}};
+  how.channels = info.channels;
+  how.channels->front().scale = 1e-3;
+  for (const std::optional<double> nm_per_v : {std::optional<double>(), std::optional<double>(-20.0)}) {
+    how.channels->front().nm_per_v = nm_per_v;
+    const Recorded recorded = run(stream, info, how, sizes(3, 512));
+    ASSERT_EQ(recorded.tip_nm.size(), 2U);
+    // 5 V; quantisation as above, 0.1 codes.
+    EXPECT_NEAR(std::abs(recorded.tip_nm[0][0] - nm_per_v.value_or(1.0) * std::polar(5.0, 0.3)), 0.0,
+                1e-4 * std::abs(nm_per_v.value_or(1.0)));
+    EXPECT_EQ(recorded.fits[0].status, FitStatus::no_free_response);
+  }
+}
+
+// A reference is good for its epoch; a stream that begins within one says where that began.
+TEST(Extraction, AReferenceIsGoodForItsEpoch) {
+  SyntheticStream stream;
+  stream.samples = 30000;
+  stream.value = two_tones;
+  stream.new_epochs = {5000};
+  stream.marks.push_back(line_mark(0, 0, Direction::trace, 6000, 5000));
+  Description how = description(1, 10, 500, 100, 2);
+  how.cantilever = Cantilever{{{35000.0, 2.0, 4.0, 1.0}}};
+  FitSettings fit;
+  fit.model = "hertz";
+  how.fit = fit;
+  for (const std::uint64_t captured : {4999U, 5000U}) {
+    how.free_response = FreeResponse{captured, 1, {{5000.0, 0.0}, {800.0, 0.0}}, std::nullopt};
+    const Recorded recorded = run(stream, one_channel(1e6, 512), how, sizes(5, 512));
+    ASSERT_EQ(recorded.fits.size(), 10U);
+    EXPECT_EQ(recorded.fits.back().status == FitStatus::no_free_response, captured < 5000) << captured;
+  }
+}
+
+TEST(Extraction, PixelsOfAnIncoherentReferenceAreFlagged) {
+  SyntheticStream stream;
+  stream.samples = 12000;
+  stream.value = two_tones;
+  stream.marks.push_back(line_mark(0, 0, Direction::trace, 1000, 5000));
+  Description how = description(1, 10, 500, 100, 2);
+  how.free_response = FreeResponse{0, 16, {{5000.0, 0.0}, {800.0, 0.0}}, std::nullopt, false};
+  const Recorded recorded = run(stream, one_channel(1e6, 512), how, sizes(5, 512));
+  ASSERT_EQ(recorded.pixels.size(), 10U);
+  for (const Pixel& pixel : recorded.pixels) EXPECT_TRUE(pixel.flags.has(PixelFlag::incoherent));
+  EXPECT_EQ(recorded.fits.front().status, FitStatus::flagged);
+}
+
 }  // namespace
 }  // namespace combforce

@@ -2,10 +2,19 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
 #include <random>
 
 namespace combforce {
 namespace {
+
+constexpr double tolerance = 0.01;
+
+Comb comb_of(std::size_t tones) {
+  Comb comb{1000, {}};
+  for (std::uint64_t bin = 1; bin <= tones; ++bin) comb.tones.push_back({10 * bin, true});
+  return comb;
+}
 
 TEST(FreeCapture, GivesMeanAndCovarianceOfTheMean) {
   constexpr std::uint32_t windows = 7;
@@ -13,7 +22,7 @@ TEST(FreeCapture, GivesMeanAndCovarianceOfTheMean) {
   std::normal_distribution<double> normal;
   std::vector<std::vector<double>> rows;
   std::optional<FreeResponse> response;
-  FreeCapture capture(windows, 2, [&](std::optional<FreeResponse> r, const std::string& why) {
+  FreeCapture capture(windows, comb_of(2), 10.0, [&](std::optional<FreeResponse> r, const std::string& why) {
     EXPECT_EQ(why, "");
     response = std::move(r);
   });
@@ -44,10 +53,11 @@ TEST(FreeCapture, GivesMeanAndCovarianceOfTheMean) {
 
 TEST(FreeCapture, SaysWhyThereIsNone) {
   std::string reason;
-  FreeCapture capture(2, 1, [&](const std::optional<FreeResponse>& response, const std::string& why) {
-    EXPECT_FALSE(response.has_value());
-    reason = why;
-  });
+  FreeCapture capture(2, comb_of(1), tolerance,
+                      [&](const std::optional<FreeResponse>& response, const std::string& why) {
+                        EXPECT_FALSE(response.has_value());
+                        reason = why;
+                      });
   capture.add(0, std::vector<std::complex<double>>{{1.0, 0.0}});
   capture.fail("samples were lost");
   capture.finish();
@@ -55,13 +65,90 @@ TEST(FreeCapture, SaysWhyThereIsNone) {
 }
 
 TEST(FreeCapture, OneWindowHasNoCovariance) {
-  FreeCapture capture(1, 1, [](const std::optional<FreeResponse>& response, const std::string&) {
-    ASSERT_TRUE(response.has_value());
-    EXPECT_FALSE(response->covariance.has_value());
-    EXPECT_EQ(response->mean_nm[0], std::complex<double>(1.5, -2.0));
-  });
+  FreeCapture capture(1, comb_of(1), tolerance,
+                      [](const std::optional<FreeResponse>& response, const std::string&) {
+                        ASSERT_TRUE(response.has_value());
+                        EXPECT_FALSE(response->covariance.has_value());
+                        EXPECT_EQ(response->mean_nm[0], std::complex<double>(1.5, -2.0));
+                      });
   EXPECT_TRUE(capture.add(0, std::vector<std::complex<double>>{{1.5, -2.0}}));
   capture.finish();
+}
+
+// `windows` of two driven tones that turn by `turn_rad` from the first window to the last, the second ten
+// times as fast, in noise of `noise` of their amplitude in each quadrature. Gives whether the capture calls
+// itself coherent.
+bool coherent(std::uint32_t windows, double turn_rad, double noise, std::uint32_t seed = 1) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal(0.0, noise);
+  std::optional<bool> answer;
+  FreeCapture capture(windows, comb_of(2), tolerance,
+                      [&](const std::optional<FreeResponse>& response, const std::string& why) {
+                        ASSERT_TRUE(response.has_value());
+                        EXPECT_EQ(response->coherent, why.empty());
+                        answer = response->coherent;
+                      });
+  for (std::uint32_t w = 0; w < windows; ++w) {
+    const double turn = turn_rad * w / (windows - 1.0);
+    const auto tone = [&](double turned) {
+      return 20.0 * (std::polar(1.0, 0.7 + turned) + std::complex<double>(normal(random), normal(random)));
+    };
+    capture.add(w * 1000, std::vector<std::complex<double>>{tone(0.1 * turn), tone(turn)});
+  }
+  capture.finish();
+  return answer.value();
+}
+
+TEST(FreeCapture, ATurnBeyondTheToleranceIsIncoherent) {
+  EXPECT_TRUE(coherent(16, 0.0, 0.0));
+  EXPECT_TRUE(coherent(16, 0.9 * tolerance, 0.0));
+  EXPECT_FALSE(coherent(16, 1.1 * tolerance, 0.0));
+  EXPECT_FALSE(coherent(16, -1.1 * tolerance, 0.0));
+}
+
+// Two and a half radians a window for 16 windows: the mean is nearly nothing, and the tone still turns.
+TEST(FreeCapture, ManyTurnsAreIncoherent) {
+  EXPECT_FALSE(coherent(16, 2.5 * 15, 0.01));
+  EXPECT_FALSE(coherent(16, 2.0 * std::numbers::pi, 0.01));
+}
+
+// Phase noise of 1 % in every window is as large as the tolerance; a turn must exceed four deviations
+// besides, and a tone in as much noise as signal says nothing. Of 500 draws of 16 windows a false alarm of a
+// Student distribution of 14 degrees at four deviations would be one in 1500 a tone.
+TEST(FreeCapture, NoiseIsNoDrift) {
+  for (std::uint32_t seed = 1; seed <= 500; ++seed) {
+    EXPECT_TRUE(coherent(16, 0.0, 0.01, seed)) << seed;
+    EXPECT_TRUE(coherent(16, 0.0, 1.0, seed)) << seed;
+  }
+  EXPECT_FALSE(coherent(16, 0.2, 0.01));
+}
+
+TEST(FreeCapture, FewWindowsDoNotTellDriftFromNoise) {
+  EXPECT_TRUE(coherent(3, 0.5, 0.0));
+  EXPECT_FALSE(coherent(4, 0.5, 0.0));
+}
+
+FreeResponse response_of(std::complex<double> first, std::complex<double> second, double sigma_nm) {
+  FreeResponse response{.first_sample = 77, .windows = 16, .mean_nm = {first, second}, .covariance = {}};
+  response.covariance.emplace(16, 0.0);
+  for (std::size_t i = 0; i < 4; ++i) (*response.covariance)[5 * i] = sigma_nm * sigma_nm;
+  return response;
+}
+
+TEST(Drift, ReferencesAreComparedToneByTone) {
+  Comb comb = comb_of(2);
+  const FreeResponse before = response_of({20.0, 0.0}, {0.0, 1.0}, 0.0);
+  const auto change = [&](std::complex<double> first, std::complex<double> second, double sigma = 0.0) {
+    return find_change(comb, before, response_of(first, second, sigma), tolerance);
+  };
+  EXPECT_EQ(change({20.1, 0.1}, {0.009, 1.0}), "");
+  EXPECT_NE(change({20.0, 0.0}, {0.02, 1.0}).find("bin 20"), std::string::npos);
+  EXPECT_NE(change({19.7, 0.0}, {0.011, 1.0}).find("bin 10"), std::string::npos)
+      << "the greater one is named";
+  EXPECT_NE(change({19.7, 0.0}, {0.0, 1.0}).find("sample 77"), std::string::npos);
+  EXPECT_EQ(change({20.0, 0.0}, {0.02, 1.0}, 0.01), "") << "noise of 10 pm explains 20 pm";
+  comb.tones[1].driven = false;
+  EXPECT_EQ(change({20.0, 0.0}, {0.5, 1.0}), "") << "what is not driven may do as it likes";
 }
 
 }  // namespace

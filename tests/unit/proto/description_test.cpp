@@ -15,14 +15,14 @@ const std::string file = "rec";
 // All objects with every key of the recording contract.
 constexpr auto complete = R"({
   "afm:channels": [
-    {"name": "deflection", "role": "deflection", "unit": "V", "scale": 1e-4, "offset": 0.5, "clip_codes": [-32768, 32767]},
+    {"name": "deflection", "role": "deflection", "unit": "V", "scale": 1e-4, "offset": 0.5, "nm_per_v": 80, "clip_codes": [-32768, 32767]},
     {"name": "z", "role": "z", "unit": "nm", "scale": 0.01, "offset": 0.0}],
   "afm:cantilever": {"modes": [
     {"frequency_hz": 117000.0, "quality_factor": 212.0, "stiffness_n_per_m": 4.0, "sensitivity_nm_per_v": 20.0},
     {"frequency_hz": 674000.0, "quality_factor": 457.0, "stiffness_n_per_m": 78.5, "sensitivity_nm_per_v": -7.0}]},
   "afm:comb": {"window_samples": 8000, "tones": [{"bin": 117, "driven": true}, {"bin": 674, "driven": false}]},
   "afm:free_response": {"first_sample": 16000, "windows": 2, "mean_nm": [[0.0, -25.0], [1.5, -2.5]],
-    "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0.5], [0, 0, 0.5, 4]]},
+    "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0.5], [0, 0, 0.5, 4]], "coherent": false},
   "afm:scan": {"lines": 64, "columns": 32, "pixel_samples": 16000, "settle_samples": 8000, "windows": 1,
     "bidirectional": true, "size_nm": [1000.0, 500.0]},
   "afm:noise": {"temperature_k": 300.0, "detector_nm_per_sqrt_hz": [1e-4, 2e-4]},
@@ -44,8 +44,8 @@ auto decoded(Decode decode, const std::string& text) {
 TEST(Description, DecodesEveryKeyOfTheContract) {
   const Json json = parse_json(complete, file);
   const Description description = decode_description(JsonView(json, file), "afm:");
-  const Channel deflection{"deflection", ChannelRole::deflection,          "V", 1e-4,
-                           0.5,          Channel::ClipCodes{-32768, 32767}};
+  const Channel deflection{"deflection", ChannelRole::deflection,           "V", 1e-4,
+                           0.5,          Channel::ClipCodes{-32768, 32767}, 80.0};
   const Channel z{"z", ChannelRole::z, "nm", 0.01, 0.0, std::nullopt};
   EXPECT_EQ(description.channels, (Channels{deflection, z}));
   EXPECT_EQ(description.cantilever, (Cantilever{{{117e3, 212, 4, 20}, {674e3, 457, 78.5, -7}}}));
@@ -54,7 +54,8 @@ TEST(Description, DecodesEveryKeyOfTheContract) {
             (FreeResponse{16000,
                           2,
                           {{0, -25}, {1.5, -2.5}},
-                          std::vector<double>{1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0.5, 0, 0, 0.5, 4}}));
+                          std::vector<double>{1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0.5, 0, 0, 0.5, 4},
+                          false}));
   EXPECT_EQ(description.scan, (ScanLayout{64, 32, 16000, 8000, 1, true, {1000, 500}}));
   EXPECT_EQ(description.noise, (Noise{300, {1e-4, 2e-4}}));
   EXPECT_EQ(description.fit, (FitSettings{"dmt", 2, Weighting::noise, {{"adhesion_nn", 0, 20}}}));
@@ -152,6 +153,9 @@ TEST(Description, RefusesBadChannels) {
        {R"([{"name": "z", "role": "z"}])", "/0/role", R"(must be "deflection")"},
        {R"([{"name": "d", "role": "deflection", "unit": "A"}])", "/0/unit", R"(must be one of "V", "nm")"},
        {R"([{"name": "d", "role": "deflection", "scale": 0}])", "/0/scale", "must not be 0"},
+       {R"([{"name": "d", "role": "deflection", "nm_per_v": 0}])", "/0/nm_per_v", "must not be 0"},
+       {R"([{"name": "d", "role": "deflection"}, {"name": "z", "role": "z", "nm_per_v": 2}])", "/1/nm_per_v",
+        "belongs to the deflection"},
        {R"([{"name": "d", "role": "deflection", "clip_codes": [3, 3]}])", "/0/clip_codes", "lo < hi"},
        {R"([{"name": "d", "role": "deflection", "clip_codes": [3]}])", "/0/clip_codes", "[lo, hi]"},
        {R"([{"name": "d", "role": "deflection"}, {"name": "d", "role": "z"}])", "/1/name", "earlier"}});
@@ -197,7 +201,7 @@ TEST(Description, RefusesBadFreeResponses) {
 TEST(Description, RefusesBadScansNoiseAndFits) {
   expect_refused(
       decode_scan,
-      {{R"({"lines": 0, "columns": 1, "pixel_samples": 1})", "/lines", "must be in [1, 4294967295]"},
+      {{R"({"lines": 0, "columns": 1, "pixel_samples": 1})", "/lines", "must be in [1, 1048576]"},
        {R"({"lines": 1, "columns": 1})", "/pixel_samples", "is missing"},
        {R"({"lines": 1, "columns": 1, "pixel_samples": 1, "windows": 0})", "/windows", "must be in [1,"},
        {R"({"lines": 1, "columns": 1, "pixel_samples": 1, "size_nm": [1]})", "/size_nm", "[x, y]"},

@@ -71,5 +71,8 @@ void Instrument::set_drive(const Drive& drive) {
 void Instrument::set_fit(const FitSettings& fit) {
   willing().fit = fit;
 }
+void Instrument::set_spectrum_rate(double hz) {
+  fake_instrument().spectrum_hz = hz;
+}
 
 }  // namespace combforce

@@ -24,6 +24,7 @@ struct FakeInstrument {
   std::function<void(std::optional<FreeResponse>, std::string)> free_done;
   std::optional<FitSettings> fit;
   bool scanning = false;
+  double spectrum_hz = 0.0;
   std::string refuse;  // not empty: controls throw this
 };
 

@@ -228,13 +228,13 @@ TEST_F(Methods, ListsAndSetsModels) {
 
 TEST_F(Methods, SubscriptionsAddAndGo) {
   EXPECT_EQ(result("subscribe", {{"topics", {"pixel", "event"}}}),
-            Json::parse(R"({"topics":["pixel","event"],"tones":true,"every":1})"));
+            Json::parse(R"({"topics":["pixel","event"],"tones":true,"every":1,"spectrum_hz":1.0})"));
   EXPECT_EQ(result("subscribe", {{"topics", {"line"}}, {"tones", false}, {"every", 4}}),
-            Json::parse(R"({"topics":["pixel","line","event"],"tones":false,"every":4})"));
+            Json::parse(R"({"topics":["pixel","line","event"],"tones":false,"every":4,"spectrum_hz":1.0})"));
   EXPECT_TRUE(caller.has(Topic::line));
   EXPECT_EQ(result("unsubscribe", {{"topics", {"pixel", "frame"}}})["topics"],
             Json::parse(R"(["line","event"])"));
-  expect_pointer("subscribe", {{"topics", {"pixel", "spectrum"}}}, "/topics/1");
+  expect_pointer("subscribe", {{"topics", {"pixel", "spectra"}}}, "/topics/1");
   expect_pointer("subscribe", {{"topics", "pixel"}}, "/topics");
   expect_pointer("subscribe", {{"topics", {"pixel"}}, {"every", 0}}, "/every");
   EXPECT_FALSE(caller.has(Topic::pixel));

@@ -101,7 +101,7 @@ TEST_F(ServerTest, TellsOfLinesFramesEventsAndItsStatus) {
   server->publish_event({"gap", 500, 600, "the source lost frames"});
   const std::string counts =
       R"("counts":{"pixels":32,"status":{"converged":31,"not_converged":0,"at_bound":0,"ill_conditioned":0,)"
-      R"("no_contact":1,"no_free_response":0,"not_fitted":0,"flagged":0},"settling_residual":0.0}}})";
+      R"("no_contact":1,"no_free_response":0,"not_fitted":0,"flagged":0,"misfit":0,"ambiguous":0},"settling_residual":0.0}}})";
   EXPECT_EQ(client.line(),
             R"({"jsonrpc":"2.0","method":"line","params":{"frame":1,"line":2,"direction":"retrace",)"
             R"("first_sample":300,"line_samples":400,)" +

@@ -51,9 +51,14 @@ class Running {
            caller.topics[index(Topic::pixel)] = true;
            caller.tones = params.json().value("tones", true);
            caller.every = params.json().value("every", std::uint64_t{1});
+           caller.topics[index(Topic::spectrum)] = params.json().contains("spectrum_hz");
+           caller.spectrum_hz = params.json().value("spectrum_hz", 1.0);
            return true;
          })});
-    thread = std::thread([this] { server.run(table, [this] { ++seconds; }); });
+    thread = std::thread([this] {
+      server.run(
+          table, [this] { ++seconds; }, [this](double hz) { spectrum_hz = hz; });
+    });
   }
   ~Running() {
     server.stop();
@@ -86,6 +91,7 @@ class Running {
   SocketServer server{{path, "127.0.0.1", 0}, client_bytes};
   RpcTable table{"Test", "1"};
   std::atomic<int> seconds{0};
+  std::atomic<double> spectrum_hz{0.0};
   std::mutex mutex;
   std::vector<RpcRespond> deferred;
   std::thread thread;
@@ -169,6 +175,27 @@ TEST_P(OnEitherSocket, SendsSubscribersWhatTheyAskedFor) {
     }
   }
   EXPECT_EQ(none.ask(request(1, "ping")), pong) << "and nothing before it";
+}
+
+// Spectra come at the greatest rate that a client wants; one that wants fewer gets fewer of them.
+TEST(SocketServer, AsksForSpectraAsOftenAsTheMostEagerClientWantsThem) {
+  Running running;
+  RawClient calm = running.unix_client();
+  calm.ask(request(1, "subscribe", R"({"spectrum_hz":0.001})"));
+  EXPECT_EQ(running.spectrum_hz.load(), 0.001);
+  {
+    RawClient eager = running.unix_client();
+    eager.ask(request(1, "subscribe", R"({"spectrum_hz":1e9})"));
+    EXPECT_EQ(running.spectrum_hz.load(), 1e9);
+    for (int i = 0; i < 3; ++i) {
+      const std::string text = std::to_string(i);
+      running.server.publish({Topic::spectrum, 0, std::make_shared<const std::string>(text + "\n"), nullptr});
+      EXPECT_EQ(eager.line(), text);
+    }
+  }
+  while (running.spectrum_hz.load() != 0.001) std::this_thread::yield();
+  EXPECT_EQ(calm.line(), std::string("0"));
+  EXPECT_EQ(calm.ask(request(1, "ping")), pong) << "and nothing before it: 1000 s have not passed";
 }
 
 TEST(SocketServer, IsNotWantedOnceSubscribersAreGone) {
@@ -289,7 +316,10 @@ TEST(SocketServer, StopSendsWhatIsDueAndClosesEverything) {
   const std::string path = socket_path();
   SocketServer server({path, "127.0.0.1", 0}, client_bytes);
   const RpcTable table("Test", "1");
-  std::thread thread([&] { server.run(table, [] {}); });
+  std::thread thread([&] {
+    server.run(
+        table, [] {}, [](double) {});
+  });
   RawClient client = RawClient::to_unix(path);
   const std::string reply = client.ask(request(1, "rpc.discover"));
   EXPECT_NE(reply.find("openrpc"), std::string::npos);

@@ -1,0 +1,88 @@
+#include "daemon/pipeline/drift.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace combforce {
+namespace {
+
+constexpr std::uint64_t least_windows = 4;
+// Of |sum last* next| to the sum of magnitudes: 1 for a tone without noise however it turns, 1/sqrt(windows)
+// for noise. 0.9 is an amplitude of four times the noise.
+constexpr double least_overlap = 0.9;
+constexpr double deviations = 4.0;
+
+double variance_of(const FreeResponse& response, std::size_t tone) {
+  if (!response.covariance) return 0.0;
+  const std::size_t order = 2 * response.mean_nm.size();
+  const auto diagonal = [&](std::size_t i) { return (*response.covariance)[i * order + i]; };
+  return diagonal(2 * tone) + diagonal(2 * tone + 1);
+}
+
+}  // namespace
+
+TurnMeter::TurnMeter(const Comb& comb) {
+  for (std::size_t i = 0; i < comb.tones.size(); ++i)
+    if (comb.tones[i].driven) tones_.push_back({.bin = comb.tones[i].bin, .index = i});
+}
+
+void TurnMeter::add(std::span<const std::complex<double>> phasors) {
+  for (Tone& tone : tones_) {
+    const std::complex<double> next = phasors[tone.index];
+    if (windows_ > 0) {
+      const std::complex<double> product = std::conj(tone.last) * next;
+      const double turn = std::arg(product);
+      tone.turn_rad += turn;
+      tone.square_rad += turn * turn;
+      tone.overlap += product;
+      tone.weight += std::abs(product);
+    }
+    tone.last = next;
+  }
+  ++windows_;
+}
+
+std::string TurnMeter::find_turn(double tolerance_rad) const {
+  if (windows_ < least_windows) return {};
+  const auto turns = static_cast<double>(windows_ - 1);
+  const Tone* worst = nullptr;
+  double greatest = 0.0;
+  for (const Tone& tone : tones_) {
+    if (!(std::abs(tone.overlap) > least_overlap * tone.weight)) continue;
+    // Phase noise of the windows enters the turn once at either end, as it does every step.
+    const double variance = (tone.square_rad - tone.turn_rad * tone.turn_rad / turns) / (turns - 1.0);
+    const double beyond =
+        std::abs(tone.turn_rad) - tolerance_rad - deviations * std::sqrt(std::max(0.0, variance));
+    if (beyond <= greatest) continue;
+    greatest = beyond;
+    worst = &tone;
+  }
+  if (worst == nullptr) return {};
+  return fmt::format(
+      "the tone of bin {} turned by {:.3g} rad in {} windows, more than {:.3g}: drive and digitizer "
+      "share no clock, or the motion had not settled",
+      worst->bin, worst->turn_rad, windows_, tolerance_rad);
+}
+
+std::string find_change(const Comb& comb, const FreeResponse& before, const FreeResponse& after,
+                        double tolerance) {
+  std::string worst;
+  double greatest = 0.0;
+  for (std::size_t i = 0; i < comb.tones.size(); ++i) {
+    if (!comb.tones[i].driven) continue;
+    const double size = std::abs(before.mean_nm[i]);
+    const double change = std::abs(after.mean_nm[i] - before.mean_nm[i]);
+    const double noise = std::sqrt(variance_of(before, i) + variance_of(after, i));
+    const double beyond = change - tolerance * size - deviations * noise;
+    if (!(beyond > greatest * size)) continue;
+    greatest = beyond / size;
+    worst = fmt::format(
+        "since sample {} the free response of the tone of bin {} changed by {:.3g} of itself, more than "
+        "{:.3g}: forces measured between refer to a motion that no longer was",
+        before.first_sample, comb.tones[i].bin, change / size, tolerance);
+  }
+  return worst;
+}
+
+}  // namespace combforce
