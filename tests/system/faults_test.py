@@ -62,8 +62,8 @@ class Faults(SystemTest):
         _, pixels = self.simulate({"kind": "detuned", "sample": 0, "detuning_ppm": 5})
         self.assertEqual(LINES * COLUMNS, len(pixels))
         for pixel in pixels:
-            self.assertEqual((["incoherent"], "flagged", None),
-                             (pixel["flags"], pixel["fit"]["status"], pixel["fit"]["parameters"]))
+            self.assertIn("incoherent", pixel["flags"])  # the first of a line is settling, too
+            self.assertEqual(("flagged", None), (pixel["fit"]["status"], pixel["fit"]["parameters"]))
 
     def test_drive_detuned_too_little_to_matter(self):
         # 0.1 ppm turn by 3 mrad in the capture: below the tolerance of 10 mrad.

@@ -122,7 +122,7 @@ class Live(SystemTest):
         self.assertEqual(("incoherent", error["message"]), (event["kind"], event["text"]))
         control.call("subscribe", topics=["pixel"])
         control.call("scan.start", frames=1)
-        self.assertEqual(["incoherent"], control.notification("pixel")["flags"])
+        self.assertIn("incoherent", control.notification("pixel")["flags"])
 
     def test_spectra_of_the_deflection(self):
         control = self.daemon(small_instrument(LINES, COLUMNS)).client()
