@@ -45,9 +45,9 @@ double detector_density(const Noise& noise, std::size_t tone);
 // at all frequencies alike (the equation of motion, integrated by parts against exp(-iwt)); n contiguous
 // windows are one of length nT. Added for every mode whose thermal motion is the greatest at two frequencies
 // or more, with standard deviations of dq and of dv/w_m of beta sqrt(2 kB T/k_m). beta = 2: an engaged tip
-// moves more than a free one, and so simulated error bars hold. Where a mode has one frequency the diagonal
-// alone is what simulations show: there the ends make up for what the window cuts off, and nothing else
-// shares them.
+// moves more than a free one, and so simulated error bars hold for tones on both sides of the drive's; for
+// tones on one side alone they do not (chi^2 of 1 to 3 a degree of freedom). Where a mode has one frequency
+// the diagonal alone is what simulations show.
 Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span<const double> frequencies_hz,
                                          double temperature_k, double delta_f_hz, unsigned windows);
 
