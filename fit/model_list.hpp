@@ -4,14 +4,16 @@
 #include <tuple>
 #include <utility>
 
+#include "fit/cone.hpp"
 #include "fit/dmt.hpp"
+#include "fit/flat_punch.hpp"
 #include "fit/force_model.hpp"
 #include "fit/hertz.hpp"
 
 namespace combforce {
 
 // A new model is a header and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt>;
+using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch>;
 
 // Calls function(Model{}) for the model that `info` describes and returns what it returns.
 template <typename Function, std::size_t Index = 0>
