@@ -18,6 +18,7 @@ namespace {
 
 struct PaperOptions {
   std::string output, json;
+  std::size_t draws = paper::all_draws;
 };
 
 void write_file(const std::filesystem::path& path, const std::string& text) {
@@ -31,7 +32,8 @@ int run_paper(const PaperOptions& options) {
   if (!options.output.empty()) std::filesystem::create_directories(options.output);
   if (!options.json.empty()) write_file(options.json, "");  // before minutes of work, not after
   Progress progress;
-  const paper::Results results = paper::reproduce([&](std::string_view step) { progress.show(step); });
+  const paper::Results results =
+      paper::reproduce(options.draws, [&](std::string_view step) { progress.show(step); });
   progress.clear();
   const std::string text = paper::markdown(results);
   fmt::print("{}", text);
@@ -55,6 +57,9 @@ void add_paper(CLI::App& app, Command& command) {
   CLI::App* paper = app.add_subcommand("paper", "Reproduce Forchheimer et al. 2014: tables, figures");
   paper->add_option("--output", options->output, "directory for paper.md, data files and figures");
   paper->add_option("--json", options->json, "file for the tables as JSON");
+  paper->add_option("--draws", options->draws, "draws of the noise a case (the paper: 100)")
+      ->check(CLI::Range(std::size_t{2}, paper::all_draws))
+      ->capture_default_str();
   paper->callback([options, &command] { command = [options] { return run_paper(*options); }; });
 }
 

@@ -117,7 +117,7 @@ FitConditions fit_conditions(const CaseMotion& motion) {
 
 std::vector<std::complex<double>> noisy_tones(const CaseMotion& motion, std::size_t draw) {
   const auto row = static_cast<std::uint64_t>(motion.of - cases().data());
-  Random random(seed, row * draws + draw);
+  Random random(seed, row * all_draws + draw);
   std::vector<std::complex<double>> tones = motion.engaged.tip_nm;
   for (std::size_t i = 0; i < tones.size(); ++i) {
     const Mode& mode = cantilever().modes[i];

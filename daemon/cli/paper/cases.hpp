@@ -17,9 +17,9 @@ inline constexpr double sample_rate_hz = 200e6;
 inline constexpr std::uint64_t window_samples = 400'000;  // 2 ms, Delta f = 500 Hz
 inline constexpr double delta_f_hz = sample_rate_hz / window_samples;
 inline constexpr double temperature_k = 300.0;
-inline constexpr std::size_t draws = 100;    // of the noise, a case
-inline constexpr std::uint64_t seed = 2014;  // of the noise
-inline constexpr int printed_decimals = 2;   // of every value in the paper's tables
+inline constexpr std::size_t all_draws = 100;  // of the noise, a case
+inline constexpr std::uint64_t seed = 2014;    // of the noise
+inline constexpr int printed_decimals = 2;     // of every value in the paper's tables
 
 // Per parameter, in the model's order.
 struct Printed {
@@ -55,7 +55,7 @@ CaseMotion simulate(const Case& of, std::uint64_t oversampling = 1);
 FitConditions fit_conditions(const CaseMotion& motion);
 
 // The paper's noise (its section 2.3): Gaussian of (Q/k) sqrt(S Delta f / 2) in each quadrature of each tone.
-// A function of case and draw only.
+// A function of case and draw (< all_draws) only.
 std::vector<std::complex<double>> noisy_tones(const CaseMotion& motion, std::size_t draw);
 
 }  // namespace combforce::paper

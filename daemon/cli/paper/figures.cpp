@@ -36,17 +36,25 @@ class DataFile {
 };
 
 void write_map(const std::filesystem::path& directory, const ErrorMap& map) {
-  DataFile file(
-      directory, fmt::format("error_map_{}.dat", map.of->key),
-      "# p0 (nm)  p1 (GPa nm^1/2)  E (nN^2)  1: a fit from here finds the minimum, 0: it does not\n");
+  DataFile file(directory, fmt::format("error_map_{}.dat", map.of->key),
+                "# p0 (nm)  p1 (GPa nm^1/2)  E (nN^2)\n");
   for (std::size_t i = 0; i < map.p0_nm.size(); ++i) {
-    for (std::size_t j = 0; j < map.p1.size(); ++j) {
-      const std::size_t at = i * map.p1.size() + j;
-      file.write(fmt::format("{:.6g} {:.6g} {:.6g} {}\n", map.p0_nm[i], map.p1[j], map.error_nn2[at],
-                             map.found[at]));
-    }
+    for (std::size_t j = 0; j < map.p1.size(); ++j)
+      file.write(fmt::format("{:.6g} {:.6g} {:.6g}\n", map.p0_nm[i], map.p1[j],
+                             map.error_nn2[i * map.p1.size() + j]));
     file.write("\n");
   }
+  file.close();
+}
+
+void write_starts(const std::filesystem::path& directory, const ErrorMap& map) {
+  DataFile file(
+      directory, fmt::format("starts_{}.dat", map.of->key),
+      "# p0 (nm)  p1 (GPa nm^1/2)  1: the paper's fit from here finds the minimum, 0: it does not\n");
+  const Starts& starts = map.papers;
+  for (std::size_t i = 0; i < starts.found.size(); ++i)
+    file.write(fmt::format("{:.6g} {:.6g} {}\n", starts.p0_nm[i / starts.p1.size()],
+                           starts.p1[i % starts.p1.size()], starts.found[i]));
   file.close();
 }
 
@@ -61,7 +69,7 @@ void write_minima(const std::filesystem::path& directory, const TableRow& row) {
     file.write("\n");
   };
   write(row.noise_free);
-  for (const FitResult& fit : row.noisy)
+  for (const FitResult& fit : row.least.fits)
     if (has_parameters(fit)) write(fit);
   file.close();
 }
@@ -77,17 +85,19 @@ void write_curves(const std::filesystem::path& directory, const ForceCurves& cur
   file.close();
 }
 
-void write_check(const std::filesystem::path& directory, const SimulatorCheck& check,
+void write_check(const std::filesystem::path& directory, const SimulatorCheck& check, const BandCheck& band,
                  const CaseMotion& motion) {
   constexpr double highest_nm = -35.0;  // beyond, the force is all but zero and points are many
   DataFile file(directory, fmt::format("simulator_check_{}.dat", check.of->key),
                 "# samples of the 2 ms at 200 MHz with d < -35 nm\n"
-                "# d (nm)  force recovered by equation 7 (nN)  force used (nN)  difference (pN)\n");
+                "# d (nm)  force recovered by equation 7 (nN)  force used (nN)  difference (pN)  "
+                "difference below 100 MHz (pN)\n");
   for (std::size_t i = 0; i < check.used_nn.size(); ++i) {
     const double d = motion.engaged.tip_motion_nm[i];
     if (d < highest_nm)
-      file.write(fmt::format("{:.7g} {:.6g} {:.6g} {:.4g}\n", d, check.recovered_nn[i], check.used_nn[i],
-                             1e3 * (check.recovered_nn[i] - check.used_nn[i])));
+      file.write(fmt::format("{:.7g} {:.6g} {:.6g} {:.4g} {:.4g}\n", d, check.recovered_nn[i],
+                             check.used_nn[i], 1e3 * (check.recovered_nn[i] - check.used_nn[i]),
+                             1e3 * band.in_band_error_nn[i]));
   }
   file.close();
 }
@@ -152,12 +162,15 @@ bool run_gnuplot(const std::filesystem::path& directory, const std::string& scri
 }  // namespace
 
 void write_data(const std::filesystem::path& directory, const Results& results) {
-  for (const ErrorMap& map : results.maps) write_map(directory, map);
+  for (const ErrorMap& map : results.maps) {
+    write_map(directory, map);
+    write_starts(directory, map);
+  }
   for (const TableRow& row : results.rows) write_minima(directory, row);
   for (const ForceCurves& curves : results.curves) write_curves(directory, curves);
   const CaseMotion& motion = motion_shown(results);
   for (const SimulatorCheck& check : results.checks)
-    if (check.of == motion.of) write_check(directory, check, motion);
+    if (check.of == motion.of) write_check(directory, check, results.band, motion);
   write_motion(directory, motion);
   write_spectra(directory, motion);
 }

@@ -48,7 +48,7 @@ ForceCurves force_curves(const CaseMotion& motion, const TableRow& row) {
   const auto points = static_cast<std::size_t>((highest_nm - deepest) / step_nm) + 1;
   for (std::size_t i = 0; i < points; ++i) curves.d_nm.push_back(deepest + step_nm * static_cast<double>(i));
   curves.true_nn = curve(model, motion.of->truth, curves.d_nm);
-  for (const FitResult& fit : row.noisy)
+  for (const FitResult& fit : row.least.fits)
     if (has_parameters(fit))
       curves.fitted_nn.push_back(
           curve(model, std::span(fit.parameters).first(motion.of->truth.size()), curves.d_nm));

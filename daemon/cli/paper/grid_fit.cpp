@@ -1,9 +1,9 @@
 #include "daemon/cli/paper/grid_fit.hpp"
 
-#include <ceres/jet.h>
+#include <unsupported/Eigen/NonLinearOptimization>
+#include <unsupported/Eigen/NumericalDiff>
 
-#include <Eigen/Dense>
-#include <array>
+#include <algorithm>
 #include <numeric>
 
 #include "dsp/comb.hpp"
@@ -13,105 +13,90 @@ namespace combforce::paper {
 namespace {
 
 using Complex = std::complex<double>;
+using Eigen::Index;
 
-struct Grid {
-  std::vector<double> d_nm;                // one a sample of a period
-  std::vector<std::vector<Complex>> turn;  // [tone][sample]: exp(-i w t) 2/samples
-  Eigen::VectorXd measured_nn;             // (re, im) of each tone
+// What Eigen's MINPACK asks of a function.
+template <typename Model>
+struct Residuals {
+  using Scalar = double;
+  using InputType = Eigen::VectorXd;
+  using ValueType = Eigen::VectorXd;
+  using JacobianType = Eigen::MatrixXd;
+  enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
+
+  const Eigen::VectorXd& d_nm;
+  const Eigen::MatrixXd& turn;
+  const Eigen::VectorXd& measured_nn;
+
+  Index values() const { return measured_nn.size(); }
+  int operator()(const InputType& p, ValueType& residuals) const {
+    residuals = -measured_nn;
+    for (Index n = 0; n < d_nm.size(); ++n) {
+      if (Model::tail_terms.empty() && d_nm(n) > p(0)) break;
+      residuals.noalias() += Model::force(p.data(), d_nm(n)) * turn.col(n);
+    }
+    return 0;
+  }
 };
-
-Grid make_grid(const CaseMotion& motion, std::span<const Complex> tip_nm) {
-  std::uint64_t periods = window_samples;
-  for (const std::uint64_t bin : motion.of->bins) periods = std::gcd(periods, bin);
-  const std::uint64_t samples = window_samples / periods;
-  const std::size_t tones = motion.of->bins.size();
-  Grid grid{std::vector<double>(samples), {}, Eigen::VectorXd(static_cast<Eigen::Index>(2 * tones))};
-  for (std::size_t i = 0; i < tones; ++i) {
-    const std::uint64_t bin = motion.of->bins[i];
-    const Complex tone = tip_nm[i];
-    std::vector<Complex>& turn = grid.turn.emplace_back(samples);
-    for (std::uint64_t n = 0; n < samples; ++n) {
-      const double phase = phase_radians(phase_index(bin, n, window_samples), window_samples);
-      turn[n] = std::polar(2.0 / static_cast<double>(samples), -phase);
-      grid.d_nm[n] += (tone * std::polar(1.0, phase)).real();
-    }
-    const Complex force =
-        (tone - motion.free_nm[i]) / tip_response(cantilever(), delta_f_hz * static_cast<double>(bin));
-    grid.measured_nn(static_cast<Eigen::Index>(2 * i)) = force.real();
-    grid.measured_nn(static_cast<Eigen::Index>(2 * i + 1)) = force.imag();
-  }
-  return grid;
-}
-
-template <typename Model>
-struct Linearization {
-  Eigen::VectorXd residuals;
-  Eigen::Matrix<double, Eigen::Dynamic, Model::parameters> jacobian;
-};
-
-template <typename Model>
-Linearization<Model> linearize(const Grid& grid, const Eigen::Matrix<double, Model::parameters, 1>& p) {
-  Linearization<Model> at{-grid.measured_nn, {}};
-  at.jacobian.setZero(grid.measured_nn.size(), Model::parameters);
-  using Jet = ceres::Jet<double, Model::parameters>;
-  std::array<Jet, Model::parameters> jets;
-  for (std::size_t k = 0; k < Model::parameters; ++k)
-    jets[k] = Jet(p(static_cast<Eigen::Index>(k)), static_cast<int>(k));
-  for (std::size_t n = 0; n < grid.d_nm.size(); ++n) {
-    const Jet value = Model::force(jets.data(), Jet(grid.d_nm[n]));
-    const double force = value.a;
-    const auto& gradient = value.v;
-    if (force == 0.0) continue;
-    for (std::size_t i = 0; i < grid.turn.size(); ++i) {
-      const auto row = static_cast<Eigen::Index>(2 * i);
-      const Complex turn = grid.turn[i][n];
-      at.residuals(row) += force * turn.real();
-      at.residuals(row + 1) += force * turn.imag();
-      for (std::size_t k = 0; k < Model::parameters; ++k) {
-        at.jacobian(row, static_cast<Eigen::Index>(k)) +=
-            gradient(static_cast<Eigen::Index>(k)) * turn.real();
-        at.jacobian(row + 1, static_cast<Eigen::Index>(k)) +=
-            gradient(static_cast<Eigen::Index>(k)) * turn.imag();
-      }
-    }
-  }
-  return at;
-}
-
-template <typename Model>
-GridFit solve(const Grid& grid, std::span<const double> start) {
-  using Vector = Eigen::Matrix<double, Model::parameters, 1>;
-  using Matrix = Eigen::Matrix<double, Model::parameters, Model::parameters>;
-  Vector p = Eigen::Map<const Vector>(start.data());
-  Linearization<Model> at = linearize<Model>(grid, p);
-  double damping = 1e-4;
-  bool converged = false;
-  for (int iteration = 0; iteration < 200 && damping < 1e12; ++iteration) {
-    const Matrix normal = at.jacobian.transpose() * at.jacobian;
-    const Matrix damped = normal + damping * Matrix(normal.diagonal().asDiagonal());
-    const Vector step = -damped.ldlt().solve(at.jacobian.transpose() * at.residuals);
-    converged = step.norm() < 1e-9 * p.norm();
-    if (converged) break;
-    const Vector next = p + step;
-    Linearization<Model> there = linearize<Model>(grid, next);
-    if (there.residuals.squaredNorm() < at.residuals.squaredNorm()) {
-      p = next;
-      at = std::move(there);
-      damping *= 0.2;
-      continue;
-    }
-    damping *= 5.0;
-  }
-  return {converged, {p.data(), p.data() + p.size()}};
-}
 
 }  // namespace
 
-GridFit fit_on_grid(const CaseMotion& motion, std::span<const Complex> tip_nm,
-                    std::span<const double> start) {
-  const Grid grid = make_grid(motion, tip_nm);
-  return visit_model(find_model(motion.of->model),
-                     [&](auto model) { return solve<decltype(model)>(grid, start); });
+GridProblem::GridProblem(const CaseMotion& motion, std::span<const Complex> tip_nm, double displacement)
+    : of_(motion.of) {
+  std::uint64_t periods = window_samples;
+  for (const std::uint64_t bin : of_->bins) periods = std::gcd(periods, bin);
+  const std::uint64_t samples = window_samples / periods;
+  const std::size_t tones = of_->bins.size();
+  std::vector<std::vector<Complex>> turns(tones, std::vector<Complex>(samples));
+  std::vector<Complex> displaced;
+  for (const std::uint64_t bin : of_->bins)
+    displaced.push_back(std::polar(1.0, -displacement * phase_radians(bin, window_samples)));
+  std::vector<std::pair<double, std::size_t>> order(samples);  // (d, sample)
+  for (std::size_t n = 0; n < samples; ++n) {
+    order[n].second = n;
+    for (std::size_t i = 0; i < tones; ++i) {
+      turns[i][n] =
+          displaced[i] *
+          std::polar(1.0, -phase_radians(phase_index(of_->bins[i], n, window_samples), window_samples));
+      order[n].first += (tip_nm[i] * std::conj(turns[i][n])).real();
+    }
+  }
+  std::ranges::sort(order);
+  d_nm_.resize(static_cast<Index>(samples));
+  turn_.resize(static_cast<Index>(2 * tones), static_cast<Index>(samples));
+  measured_nn_.resize(static_cast<Index>(2 * tones));
+  for (std::size_t n = 0; n < samples; ++n) {
+    const auto column = static_cast<Index>(n);
+    d_nm_(column) = order[n].first;
+    for (std::size_t i = 0; i < tones; ++i) {
+      const Complex turn = 2.0 / static_cast<double>(samples) * turns[i][order[n].second];
+      turn_(static_cast<Index>(2 * i), column) = turn.real();
+      turn_(static_cast<Index>(2 * i + 1), column) = turn.imag();
+    }
+  }
+  for (std::size_t i = 0; i < tones; ++i) {
+    const std::uint64_t bin = of_->bins[i];
+    const auto row = static_cast<Index>(2 * i);
+    const Complex force =
+        (tip_nm[i] - motion.free_nm[i]) / tip_response(cantilever(), delta_f_hz * static_cast<double>(bin));
+    measured_nn_(row) = force.real();
+    measured_nn_(row + 1) = force.imag();
+  }
+}
+
+GridFit GridProblem::fit(std::span<const double> start) const {
+  return visit_model(find_model(of_->model), [&](auto model) {
+    Residuals<decltype(model)> residuals{d_nm_, turn_, measured_nn_};
+    Eigen::VectorXd p = Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Index>(start.size()));
+    Index evaluations = 0;
+    // Its default tolerance, the square root of the machine's precision, is leastsq's; so is its limit of
+    // evaluations.
+    const auto status =
+        Eigen::LevenbergMarquardt<Residuals<decltype(model)>>::lmdif1(residuals, p, &evaluations);
+    const bool converged = status >= Eigen::LevenbergMarquardtSpace::RelativeReductionTooSmall &&
+                           status <= Eigen::LevenbergMarquardtSpace::CosinusTooSmall && p.allFinite();
+    return GridFit{converged, {p.data(), p.data() + p.size()}};
+  });
 }
 
 }  // namespace combforce::paper

@@ -12,8 +12,9 @@ namespace combforce::paper {
 // Rounded to the paper's decimals, `ours` is not what is printed.
 bool differs(double ours, double printed);
 
-// Of the noise-free row: what the paper's quadrature gives on the same motion (grid_fit.hpp), and how large
-// an error of the paper's tones would be needed for the rest.
+// Of the noise-free row: how far the paper's own fit (grid_fit.hpp) moves on the same motion when its samples
+// are displaced by fractions of a step, and whether the printed values are as good a minimum as where it
+// ends.
 std::vector<std::string> noise_free_remarks(const CaseMotion& motion, const TableRow& row);
 
 // Of the row with noise: differences in units of the sampling error of two sets of 100 draws; where that is

@@ -26,7 +26,7 @@ std::string table_rows(const TableRow& row) {
   const Printed& printed = row.of->printed;
   std::string noise_free = fmt::format("| {} |", row.of->label), noisy = "| with noise |";
   for (std::size_t k = 0; k < row.of->truth.size(); ++k) {
-    const Scatter& ours = row.scatter[k];
+    const Scatter& ours = row.least.scatter[k];
     noise_free += fmt::format(" {:.2f} | {:.4f} |", printed.noise_free[k], row.noise_free.parameters[k]);
     noisy += fmt::format(" {:.2f} ± {:.2f} | {:.2f} ± {:.2f} |", printed.mean[k], printed.spread[k],
                          ours.mean, ours.spread);
@@ -56,30 +56,63 @@ std::string name(const Case& of) {
   return fmt::format("{}, {}", of.model == "dmt" ? "DMT" : "Hertz", of.label);
 }
 
+std::string status_text(const Draws& draws) {
+  std::string text;
+  for (const FitStatus status : {FitStatus::converged, FitStatus::ill_conditioned, FitStatus::at_bound,
+                                 FitStatus::not_converged, FitStatus::no_contact}) {
+    const auto count = std::ranges::count(draws.fits, status, &FitResult::status);
+    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, to_string(status));
+  }
+  return text;
+}
+
+std::string draws_line(std::string_view label, const Draws& draws) {
+  std::string text = fmt::format("| {} | {} |", label, status_text(draws));
+  for (std::size_t k = 0; k < columns.size(); ++k)
+    text += k < draws.scatter.size() ? fmt::format(" {:.2f} ({:.2f} … {:.2f}) |", draws.scatter[k].median,
+                                                   draws.scatter[k].lower, draws.scatter[k].upper)
+                                     : "  |";
+  return text + "\n";
+}
+
+std::string draws_text(const Results& results) {
+  std::string text = fmt::format(
+      "## The draws with noise\n\nOur fitter scans for the least E of all, and gives its status with the "
+      "noise known: ill_conditioned where a standard error exceeds 30 %, at_bound where E falls all the way "
+      "to a bound of the model (DMT: a contact distance of {} nm, a well too narrow for the tones to show). "
+      "A search from the true parameters stays in the minimum near them. Median (quantiles 0.16 … 0.84) of "
+      "the draws that gave parameters, all but not_converged and no_contact: unlike mean and standard "
+      "deviation they do not depend on the few farthest.\n\n| case | draws |",
+      find_model("dmt").parameters[3].lower);
+  for (const std::string_view column : columns) text += fmt::format(" {} |", column);
+  text += "\n|---|---|---:|---:|---:|---:|\n";
+  for (const TableRow& row : results.rows)
+    text += draws_line(name(*row.of), row.least) + draws_line("— from the truth", row.from_truth);
+  return text + "\n";
+}
+
+std::string starts_line(std::string_view label, const Starts& starts) {
+  return fmt::format("| {} | {:.1f} % of {} | {:.2f} | {:.2f} |\n", label, 100.0 * starts.found_share,
+                     starts.found.size(), starts.first_p0_nm, starts.last_p0_nm);
+}
+
 std::string map_text(const Results& results) {
   std::string text =
-      "## Error map (figure 2)\n\nE over p0 and p1, Hertz, and where a fit started on the grid ends in the "
-      "minimum.\n\n"
-      "| case | minimum p0, p1 | starts that find it | for every p1, from p0 (nm) | to "
-      "|\n|---|---|---:|---:|---:|\n";
-  for (const ErrorMap& map : results.maps) {
-    const auto row = std::ranges::find(results.rows, map.of, &TableRow::of);
-    text += fmt::format("| {} | {:.3f}, {:.4f} | {:.1f} % of {} | {:.2f} | {:.2f} |\n", name(*map.of),
-                        row->noise_free.parameters[0], row->noise_free.parameters[1], 100.0 * map.found_share,
-                        map.found.size(), map.first_p0_nm, map.last_p0_nm);
-  }
-  return text + fmt::format(
-                    "\nThe grid: p0 {:.2f} to {:.2f} nm, p1 {:.2f} to {:.2f} GPa nm^1/2. Paper: fails only "
-                    "\"several nm away from the true value\".\n\n",
-                    results.maps[0].p0_nm.front(), results.maps[0].p0_nm.back(), results.maps[0].p1.front(),
-                    results.maps[0].p1.back());
+      "## Error map (figure 2)\n\nE over p0 and p1, Hertz, and where fits begun on the grid end in its "
+      "minimum: the paper's (MINPACK on both parameters) and ours (p1 eliminated). Paper: fails only "
+      "\"several nm away from the true value\".\n\n"
+      "| case, fit | starts that find it | for every p1, from p0 (nm) | to |\n|---|---:|---:|---:|\n";
+  for (const ErrorMap& map : results.maps)
+    text += starts_line(name(*map.of) + ", the paper's", map.papers) + starts_line("— ours", map.ours);
+  const ErrorMap& map = results.maps[0];
+  return text + fmt::format("\nThe grid: p0 {:.2f} to {:.2f} nm, p1 {:.2f} to {:.2f} GPa nm^1/2.\n\n",
+                            map.p0_nm.front(), map.p0_nm.back(), map.p1.front(), map.p1.back());
 }
 
 std::string curves_text(const Results& results) {
   std::string text =
       "## Force curves with noise (figure 3)\n\nFitted minus true force, from the deepest point reached to "
-      "-35 nm. "
-      "Paper: typically less than 1 nN (Hertz), within a few nN (DMT).\n\n"
+      "-35 nm. Paper: typically less than 1 nN (Hertz), within a few nN (DMT).\n\n"
       "| case | curves | rms (nN) | below 1 nN (% of points) | largest of a curve, median (nN) | of all (nN) "
       "|\n"
       "|---|---:|---:|---:|---:|---:|\n";
@@ -90,24 +123,43 @@ std::string curves_text(const Results& results) {
   return text + "\n";
 }
 
+// The cases whose differences round to the paper's 800 and 10 pN, one digit each.
+std::string as_printed(const Results& results) {
+  std::string names;
+  for (const SimulatorCheck& check : results.checks)
+    if (std::lround(10.0 * check.difference.largest_nn) == 8 &&
+        std::lround(100.0 * check.difference.spread_nn) == 1)
+      names += fmt::format("{}{}", names.empty() ? "" : "; ", name(*check.of));
+  return names.empty() ? "of no case" : names;
+}
+
 std::string check_text(const Results& results) {
   std::string text =
       "## The simulator (figure 5)\n\nForce recovered by equation 7 from the whole spectrum of the last 2 ms "
-      "at 200 MHz, "
-      "against the force used. Paper: at most 800 pN, standard deviation 10 pN (it does not say for which "
-      "case).\n\n"
+      "at 200 MHz, against the force used. Paper: largest 800 pN, standard deviation 10 pN, for a case it "
+      "does not name.\n\n"
       "| case | largest (pN) | standard deviation (pN) |\n|---|---:|---:|\n";
   for (const SimulatorCheck& check : results.checks)
-    text += fmt::format("| {} | {:.0f} | {:.2f} |\n", name(*check.of), 1e3 * check.largest_nn,
-                        1e3 * check.spread_nn);
-  const SimulatorCheck& finer = results.check_at_double_rate;
+    text += fmt::format("| {} | {:.0f} | {:.2f} |\n", name(*check.of), 1e3 * check.difference.largest_nn,
+                        1e3 * check.difference.spread_nn);
+  text += fmt::format("\nIn the digits printed, these are the paper's: {}.\n", as_printed(results));
+  const BandCheck& band = results.band;
+  text += fmt::format(
+      "\nThe same motion sampled at higher rates, {}. The spectrum ends at half the rate, the force has a "
+      "kink at the surface: the largest difference falls as the sample interval, the standard deviation as "
+      "its power 3/2.\n\n"
+      "| rate (MHz) | largest (pN) | standard deviation (pN) |\n|---:|---:|---:|\n",
+      name(*band.of));
+  for (const BandCheck::AtRate& rate : band.rates)
+    text += fmt::format("| {:.0f} | {:.0f} | {:.2f} |\n", 1e-6 * rate.sample_rate_hz,
+                        1e3 * rate.difference.largest_nn, 1e3 * rate.difference.spread_nn);
   return text +
          fmt::format(
-             "\n- {}, sampled at 400 MHz: {:.0f} and {:.2f} pN. What a higher rate removes is no error of "
-             "the "
-             "integrator but of the spectrum, which ends at half the rate while the force has a kink at the "
-             "surface.\n\n",
-             name(*finer.of), 1e3 * finer.largest_nn, 1e3 * finer.spread_nn);
+             "| {:.0f}, both forces below 100 MHz | {:.2f} | {:.3f} |\n\n"
+             "The last row bounds the simulator's own error: in the paper's test {:.2g} of the variance.\n\n",
+             1e-6 * band.rates.back().sample_rate_hz, 1e3 * band.in_band.largest_nn,
+             1e3 * band.in_band.spread_nn,
+             std::pow(band.in_band.spread_nn / band.rates.front().difference.spread_nn, 2.0));
 }
 
 std::string motion_text(const Results& results) {
@@ -128,102 +180,16 @@ std::string motion_text(const Results& results) {
   return text;
 }
 
-Json parameters_json(const Case& of, std::span<const double> values) {
-  Json object = Json::object();
-  const ModelInfo& model = find_model(of.model);
-  for (std::size_t k = 0; k < of.truth.size(); ++k)
-    object[std::string(model.parameters[k].name)] = number9(values[k]);
-  return object;
-}
-
-Json row_json(const TableRow& row, const std::vector<std::string>& remarks) {
-  const Case& of = *row.of;
-  std::vector<double> means, spreads;
-  for (const Scatter& one : row.scatter) {
-    means.push_back(one.mean);
-    spreads.push_back(one.spread);
-  }
-  return {{"case", of.key},
-          {"model", of.model},
-          {"label", of.label},
-          {"truth", parameters_json(of, of.truth)},
-          {"paper",
-           {{"noise_free", parameters_json(of, of.printed.noise_free)},
-            {"mean", parameters_json(of, of.printed.mean)},
-            {"standard_deviation", parameters_json(of, of.printed.spread)}}},
-          {"ours",
-           {{"status", to_string(row.noise_free.status)},
-            {"noise_free", parameters_json(of, row.noise_free.parameters)},
-            {"quadrature_errors", parameters_json(of, row.noise_free.quadrature_errors)},
-            {"mean", parameters_json(of, means)},
-            {"standard_deviation", parameters_json(of, spreads)},
-            {"draws", row.noisy.size()},
-            {"draws_with_parameters", row.valid}}},
-          {"remarks", remarks}};
-}
-
-Json check_json(const SimulatorCheck& check) {
-  return {{"case", check.of->key},
-          {"largest_nn", number9(check.largest_nn)},
-          {"standard_deviation_nn", number9(check.spread_nn)}};
-}
-
-Json motion_json(const CaseMotion& motion) {
-  const auto amplitudes = [](const std::vector<std::complex<double>>& tones) {
-    Json list = Json::array();
-    for (const std::complex<double>& tone : tones) list.push_back(number9(std::abs(tone)));
-    return list;
-  };
-  Json modes = Json::array();
-  for (const auto& mode : motion.engaged.mode_nm) modes.push_back(amplitudes(mode));
-  return {{"case", motion.of->key},
-          {"bin", motion.of->bins},
-          {"free_nm", amplitudes(motion.free_nm)},
-          {"engaged_nm", amplitudes(motion.engaged.tip_nm)},
-          {"mode_nm", modes}};
-}
-
 }  // namespace
 
 std::string markdown(const Results& results) {
   return "# Forchheimer, Borysov, Platz, Haviland 2014, from our own simulator and fitter\n\n"
          "20 ms simulated, the last 2 ms analysed; the paper's fit on the partial motion, its average over "
-         "the window "
-         "converged. With noise: mean ± standard deviation over 100 draws of the paper's noise.\n\n" +
+         "the window converged. With noise: mean ± standard deviation over " +
+         fmt::format("{} draws of the paper's noise.\n\n", results.draws) +
          table(results, "hertz", "Hertz (table 2)") + table(results, "dmt", "DMT (table 3)") +
-         map_text(results) + curves_text(results) + check_text(results) + motion_text(results);
-}
-
-Json json(const Results& results) {
-  Json tables = Json::array(), maps = Json::array(), curves = Json::array(), checks = Json::array();
-  for (std::size_t i = 0; i < results.rows.size(); ++i)
-    tables.push_back(row_json(results.rows[i], results.remarks[i]));
-  for (const ErrorMap& map : results.maps)
-    maps.push_back({{"case", map.of->key},
-                    {"starts", map.found.size()},
-                    {"share_found", number9(map.found_share)},
-                    {"all_found_from_p0_nm", number9(map.first_p0_nm)},
-                    {"all_found_to_p0_nm", number9(map.last_p0_nm)}});
-  for (const ForceCurves& one : results.curves)
-    curves.push_back({{"case", one.of->key},
-                      {"curves", one.fitted_nn.size()},
-                      {"rms_nn", number9(one.rms_nn)},
-                      {"share_below_1_nn", number9(one.share_below_1_nn)},
-                      {"median_largest_nn", number9(one.median_largest_nn)},
-                      {"largest_nn", number9(one.largest_nn)}});
-  for (const SimulatorCheck& check : results.checks) checks.push_back(check_json(check));
-  return {{"conditions",
-           {{"sample_rate_hz", sample_rate_hz},
-            {"delta_f_hz", delta_f_hz},
-            {"temperature_k", temperature_k},
-            {"draws", draws},
-            {"seed", seed}}},
-          {"tables", tables},
-          {"error_maps", maps},
-          {"force_curves", curves},
-          {"simulator_check", checks},
-          {"simulator_check_400_mhz", check_json(results.check_at_double_rate)},
-          {"motion", motion_json(motion_shown(results))}};
+         draws_text(results) + map_text(results) + curves_text(results) + check_text(results) +
+         motion_text(results);
 }
 
 }  // namespace combforce::paper

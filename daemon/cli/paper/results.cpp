@@ -1,5 +1,9 @@
 #include "daemon/cli/paper/results.hpp"
 
+#include <fmt/format.h>
+
+#include <stdexcept>
+
 #include "daemon/cli/paper/parallel.hpp"
 #include "daemon/cli/paper/remarks.hpp"
 
@@ -18,8 +22,11 @@ std::vector<std::string> all_remarks(const CaseMotion& motion, const TableRow& r
 
 }  // namespace
 
-Results reproduce(const std::function<void(std::string_view)>& step) {
+Results reproduce(std::size_t draws, const std::function<void(std::string_view)>& step) {
+  if (draws < 2 || draws > all_draws)
+    throw std::invalid_argument(fmt::format("draws: {}, must be 2 to {}", draws, all_draws));
   Results results;
+  results.draws = draws;
   const std::size_t count = cases().size();
   results.motions.resize(count);
   results.checks.resize(count);
@@ -30,9 +37,9 @@ Results reproduce(const std::function<void(std::string_view)>& step) {
   step("recovering forces from whole spectra");
   parallel_for(
       count, [&] { return [&](std::size_t i) { results.checks[i] = check_simulator(results.motions[i]); }; });
-  results.check_at_double_rate = check_simulator(simulate(*motion_shown(results).of, 2));
-  step("fitting, without noise and 100 draws a case");
-  for (const CaseMotion& motion : results.motions) results.rows.push_back(fit_case(motion));
+  results.band = check_band(*motion_shown(results).of);
+  step("fitting, without noise and with");
+  for (const CaseMotion& motion : results.motions) results.rows.push_back(fit_case(motion, draws));
   step("seeking the cause of differences");
   parallel_for(count, [&] {
     return [&](std::size_t i) { results.remarks[i] = all_remarks(results.motions[i], results.rows[i]); };

@@ -15,11 +15,11 @@ PROGRAMS = {"daemon/combforce.cpp", "daemon/combforced.cpp"}  # the two mains: t
 
 LIBRARIES = {
     "Eigen/": {"dsp", "fit", "daemon/cli"},
+    "unsupported/Eigen/": {"daemon/cli"},  # MINPACK, translated
     "fftw3.h": {"dsp", "fit", "daemon/cli"},
     "hwy/": {"dsp"},
     "boost/lockfree/": {"dsp", "daemon/pipeline"},
     "boost/math/": {"fit", "drivers"},
-    "ceres/jet.h": {"fit", "daemon/cli"},  # derivatives alone; the first prefix that fits counts
     "ceres/": {"fit"},
     "nlohmann/": {"proto", "config"},
     "libusb-1.0/": {"drivers"},

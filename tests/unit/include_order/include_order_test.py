@@ -59,12 +59,9 @@ class IncludeOrder(unittest.TestCase):
                          self.check({"fit/a.cpp": "#include <boost/units/io.hpp>\n"}))
 
     def test_exceptions_hold_for_their_file_alone(self):
-        self.assertEqual([], self.check({"dsp/fftw_planner.hpp": "#include <mutex>\n",
-                                         "daemon/cli/a.cpp": "#include <ceres/jet.h>\n"}))
-        self.assertEqual(["daemon/cli/a.cpp: <ceres/ceres.h>: daemon/cli may not use it",
-                          "dsp/a.hpp: <mutex>: dsp has no threads and no input or output"],
-                         sorted(self.check({"dsp/a.hpp": "#include <mutex>\n",
-                                            "daemon/cli/a.cpp": "#include <ceres/ceres.h>\n"})))
+        self.assertEqual([], self.check({"dsp/fftw_planner.hpp": "#include <mutex>\n"}))
+        self.assertEqual(["dsp/a.hpp: <mutex>: dsp has no threads and no input or output"],
+                         self.check({"dsp/a.hpp": "#include <mutex>\n"}))
 
     def test_threads_in_numerics(self):
         self.assertEqual(["dsp/a.hpp: <thread>: dsp has no threads and no input or output"],
