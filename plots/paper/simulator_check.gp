@@ -10,7 +10,7 @@ set key top right
 plot file using 1:2 with points pt 7 ps 0.3 lc rgb "#1f77b4" title "recovered", \
      file using 1:3 smooth unique with lines dt 2 lw 2 lc rgb "black" title "used"
 set ylabel "recovered - used (pN)"
-set key bottom right
+set key top left Left reverse samplen 0.5 font ",10"
 plot file using 1:4 with points pt 7 ps 0.15 lc rgb "#1f77b4" title "spectrum to 100 MHz", \
      file using 1:5 with points pt 7 ps 0.15 lc rgb "#d62728" title "both forces below 100 MHz"
 unset multiplot
