@@ -10,6 +10,8 @@
 namespace combforce::paper {
 namespace {
 
+constexpr std::string_view case_shown = "dmt_4tone_equal_energy";
+
 std::size_t index(std::string_view key) {
   return static_cast<std::size_t>(&find_case(key) - cases().data());
 }
@@ -32,12 +34,17 @@ Results reproduce(std::size_t draws, const std::function<void(std::string_view)>
   results.checks.resize(count);
   results.remarks.resize(count);
 
-  step("simulating 5 cases");
-  parallel_for(count, [&] { return [&](std::size_t i) { results.motions[i] = simulate(cases()[i]); }; });
-  step("recovering forces from whole spectra");
-  parallel_for(
-      count, [&] { return [&](std::size_t i) { results.checks[i] = check_simulator(results.motions[i]); }; });
-  results.band = check_band(*motion_shown(results).of);
+  step("simulating 5 cases, and one at higher rates");
+  parallel_for(count + 1, [&] {
+    return [&](std::size_t i) {
+      if (i == 0) {  // the longest, hence first
+        results.band = check_band(find_case(case_shown));
+        return;
+      }
+      results.motions[i - 1] = simulate(cases()[i - 1]);
+      results.checks[i - 1] = check_simulator(results.motions[i - 1]);
+    };
+  });
   step("fitting, without noise and with");
   for (const CaseMotion& motion : results.motions) results.rows.push_back(fit_case(motion, draws));
   step("seeking the cause of differences");
@@ -53,7 +60,7 @@ Results reproduce(std::size_t draws, const std::function<void(std::string_view)>
 }
 
 const CaseMotion& motion_shown(const Results& results) {
-  return results.motions[index("dmt_4tone_equal_energy")];
+  return results.motions[index(case_shown)];
 }
 
 }  // namespace combforce::paper
