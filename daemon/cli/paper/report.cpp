@@ -58,8 +58,8 @@ std::string name(const Case& of) {
 
 std::string status_text(const Draws& draws) {
   std::string text;
-  for (const FitStatus status : {FitStatus::converged, FitStatus::ill_conditioned, FitStatus::at_bound,
-                                 FitStatus::not_converged, FitStatus::no_contact}) {
+  for (const FitStatus status : {FitStatus::converged, FitStatus::ill_conditioned, FitStatus::ambiguous,
+                                 FitStatus::at_bound, FitStatus::not_converged, FitStatus::no_contact}) {
     const auto count = std::ranges::count(draws.fits, status, &FitResult::status);
     if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, to_string(status));
   }
@@ -78,11 +78,12 @@ std::string draws_line(std::string_view label, const Draws& draws) {
 std::string draws_text(const Results& results) {
   std::string text = fmt::format(
       "## The draws with noise\n\nOur fitter scans for the least E of all, and gives its status with the "
-      "noise known: ill_conditioned where a standard error exceeds 30 %, at_bound where E falls all the way "
-      "to a bound of the model (DMT: a contact distance of {} nm, a well too narrow for the tones to show). "
-      "A search from the true parameters stays in the minimum near them. Median (quantiles 0.16 … 0.84) of "
-      "the draws that gave parameters, all but not_converged and no_contact: unlike mean and standard "
-      "deviation they do not depend on the few farthest.\n\n| case | draws |",
+      "noise known: ill_conditioned where a standard error exceeds 30 %, ambiguous where another minimum "
+      "fits as well, at_bound where E falls all the way to a bound of the model (DMT: a contact distance of "
+      "{} nm, a well too narrow for the tones to show). A search from the true parameters stays in the "
+      "minimum near them. Median (quantiles 0.16 … 0.84) of the draws that gave parameters, all but "
+      "not_converged and no_contact: unlike mean and standard deviation they do not depend on the few "
+      "farthest.\n\n| case | draws |",
       find_model("dmt").parameters[3].lower);
   for (const std::string_view column : columns) text += fmt::format(" {} |", column);
   text += "\n|---|---|---:|---:|---:|---:|\n";

@@ -59,7 +59,7 @@ Scatter scatter_of(std::span<const double> values) {
 
 bool has_parameters(const FitResult& fit) {
   return fit.status == FitStatus::converged || fit.status == FitStatus::at_bound ||
-         fit.status == FitStatus::ill_conditioned;
+         fit.status == FitStatus::ill_conditioned || fit.status == FitStatus::ambiguous;
 }
 
 TableRow fit_case(const CaseMotion& motion, std::size_t draws) {

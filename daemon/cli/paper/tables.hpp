@@ -33,7 +33,7 @@ struct TableRow {
 // NaN throughout for fewer than two values.
 Scatter scatter_of(std::span<const double> values);
 
-bool has_parameters(const FitResult& fit);  // converged, at a bound, or weakly determined
+bool has_parameters(const FitResult& fit);  // converged, at a bound, weakly determined, ambiguous
 
 // `draws`: at most all that cases.hpp has.
 TableRow fit_case(const CaseMotion& motion, std::size_t draws);
