@@ -58,7 +58,8 @@ void CellTransform::to_polynomials(std::span<const std::complex<double>> spectru
   for (std::size_t n = 1; n <= band_; ++n) {
     const std::size_t alias = n % cells_;
     const bool folded = 2 * alias > cells_;
-    const std::complex<double> phasor = (alias == 0 || 2 * alias == cells_ ? 1.0 : 0.5) * spectrum[n] * half_step_[n];
+    const std::complex<double> phasor =
+        (alias == 0 || 2 * alias == cells_ ? 1.0 : 0.5) * spectrum[n] * half_step_[n];
     std::complex<double>* bin = bins + (folded ? cells_ - alias : alias) * order;
     const double sign = folded ? -1.0 : 1.0;
     for (std::size_t k = 0; k < order; k += 2) {

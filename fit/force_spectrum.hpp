@@ -37,7 +37,8 @@ class ForceSpectrum {
   template <typename Model>
   void force(const double* p, std::size_t level, Spectrum& force);
 
-  // The same with the phasors of dF/dp_k, good to 2 % at the highest tone, far better below; returns the mean of |dF/dd|, nN/nm.
+  // The same with the phasors of dF/dp_k, good to 2 % at the highest tone, far better below; returns the mean
+  // of |dF/dd|, nN/nm.
   template <typename Model>
   double linearize(const double* p, std::size_t level, Spectrum& force,
                    std::span<Spectrum, Model::parameters> derivatives);

@@ -101,8 +101,7 @@ TEST(RefinedFit, SaysWhenTheModelDoesNotExplainThePixel) {
   const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
   const auto tones = pixels.tones("dmt", {-40.0, 1.0, 1.5, 0.5});
   ASSERT_TRUE(tones);
-  PixelFitter fitter(
-      pixels.conditions("hertz", refine));  // 1.5 nN of adhesion are far above the noise
+  PixelFitter fitter(pixels.conditions("hertz", refine));  // 1.5 nN of adhesion are far above the noise
   FitResult result;
   fitter.fit(*tones, result);
   EXPECT_EQ(result.status, FitStatus::misfit);

@@ -73,7 +73,8 @@ TEST(HydrodynamicFunction, IsThatOfAPlateSolvedAsABoundaryIntegral) {
 TEST(HydrodynamicFunction, TendsToThatOfAnIdealFluid) {
   EXPECT_NEAR(hydrodynamic_function(1e4).real(), 1.0, 0.05);
   EXPECT_LT(hydrodynamic_function(1e4).imag(), 0.05);
-  EXPECT_NEAR(hydrodynamic_function(1e4).imag() / hydrodynamic_function(1e3).imag(), std::sqrt(0.1), 2.0 / std::sqrt(1e3));
+  EXPECT_NEAR(hydrodynamic_function(1e4).imag() / hydrodynamic_function(1e3).imag(), std::sqrt(0.1),
+              2.0 / std::sqrt(1e3));
 }
 
 TEST(HydrodynamicFunction, SaysWhereItHolds) {
