@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 
 #include "tests/unit/fit/random_pixel.hpp"
@@ -12,12 +13,15 @@
 namespace combforce::test {
 namespace {
 
-// Largest error of a parameter: of its value, p0 of 1 nm.
+// Largest error of a parameter: of its value, p0 of 1 nm; infinite where one is not a number.
 double worst_error(const ModelPixel& pixel, const FitResult& result) {
   double worst = 0.0;
-  for (std::size_t k = 0; k < pixel.truth.size(); ++k)
-    worst = std::max(
-        worst, std::abs(result.parameters[k] - pixel.truth[k]) / (k == 0 ? 1.0 : std::abs(pixel.truth[k])));
+  for (std::size_t k = 0; k < pixel.truth.size(); ++k) {
+    const double scale = k == 0 ? 1.0 : std::abs(pixel.truth[k]);
+    const double error = std::abs(result.parameters[k] - pixel.truth[k]) / scale;
+    if (std::isnan(error)) return std::numeric_limits<double>::infinity();
+    worst = std::max(worst, error);
+  }
   return worst;
 }
 
