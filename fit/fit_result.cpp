@@ -9,8 +9,7 @@ void report_alternative(std::span<const double> parameters, double delta_chi2, F
   if (!(delta_chi2 < indistinguishable_delta_chi2)) return;
   result.alternative_delta_chi2 = delta_chi2;
   std::ranges::copy(parameters, result.alternative.begin());
-  if (result.status == FitStatus::converged || result.status == FitStatus::ill_conditioned)
-    result.status = FitStatus::ambiguous;
+  if (result.status == FitStatus::converged) result.status = FitStatus::ambiguous;
 }
 
 FitResult unfitted(FitStatus status, std::size_t parameters_count) {

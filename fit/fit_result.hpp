@@ -45,8 +45,9 @@ struct FitResult {
   double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i) over the measured tones, 1e-15 W
 };
 
-// A second minimum is reported, and the status says ambiguous where it said that the parameters are valid,
-// when its chi^2 is above the first one's by less than this: two standard deviations.
+// Reports a second minimum when its chi^2 is above the first one's by less than this: two standard
+// deviations. A status `converged` becomes `ambiguous`; others say already that the parameters are not to be
+// relied on.
 inline constexpr double indistinguishable_delta_chi2 = 4.0;
 void report_alternative(std::span<const double> parameters, double delta_chi2, FitResult& result);
 

@@ -37,13 +37,15 @@ class ForceSpectrum {
   template <typename Model>
   void force(const double* p, std::size_t level, Spectrum& force);
 
-  // The same with the phasors of dF/dp_k, good to 2 % at the highest tone, far better below; returns the mean
-  // of |dF/dd|, nN/nm.
+  // The same with the phasors of dF/dp_k, good to 2 % at the highest tone, far better below.
   template <typename Model>
-  double linearize(const double* p, std::size_t level, Spectrum& force,
-                   std::span<Spectrum, Model::parameters> derivatives);
+  void linearize(const double* p, std::size_t level, Spectrum& force,
+                 std::span<Spectrum, Model::parameters> derivatives);
 
  private:
+  // Of the force in a cell; returns the moments of the model's terms there.
+  template <typename Model>
+  CellQuadrature::Sum<Model> set_force_moments(const double* p, std::size_t cell);
   // Coefficient of term j of a model in F, and in dF/dp_k.
   template <typename Model>
   static constexpr ModelTerm term(std::size_t j) {
@@ -71,35 +73,32 @@ class ForceSpectrum {
 };
 
 template <typename Model>
-void ForceSpectrum::force(const double* p, std::size_t level, Spectrum& force) {
+CellQuadrature::Sum<Model> ForceSpectrum::set_force_moments(const double* p, std::size_t cell) {
   constexpr std::size_t order = CellTransform::order;
-  quadrature_.set_level(level);
-  for (std::size_t cell = 0; cell < transform_.cells(); ++cell) {
-    CellQuadrature::Sum<Model> sum{};
-    quadrature_.add_cell<Model>(p, polynomials_[cell], sum);
-    for (std::size_t k = 0; k < order; ++k) {
-      double moment = 0.0;
-      for (std::size_t j = 0; j < sum.moments.size(); ++j) moment += share<Model>(p, j) * sum.moments[j][k];
-      moments_[cell * order + k] = moment;
-    }
+  CellQuadrature::Sum<Model> sum{};
+  quadrature_.add_cell<Model>(p, polynomials_[cell], sum);
+  for (std::size_t k = 0; k < order; ++k) {
+    double moment = 0.0;
+    for (std::size_t j = 0; j < sum.moments.size(); ++j) moment += share<Model>(p, j) * sum.moments[j][k];
+    moments_[cell * order + k] = moment;
   }
-  transform_.to_phasors(moments_, order, force);
+  return sum;
 }
 
 template <typename Model>
-double ForceSpectrum::linearize(const double* p, std::size_t level, Spectrum& force,
-                                std::span<Spectrum, Model::parameters> derivatives) {
-  constexpr std::size_t order = CellTransform::order, low = CellTransform::low_order;
+void ForceSpectrum::force(const double* p, std::size_t level, Spectrum& force) {
   quadrature_.set_level(level);
-  double slope = 0.0;
+  for (std::size_t cell = 0; cell < transform_.cells(); ++cell) set_force_moments<Model>(p, cell);
+  transform_.to_phasors(moments_, CellTransform::order, force);
+}
+
+template <typename Model>
+void ForceSpectrum::linearize(const double* p, std::size_t level, Spectrum& force,
+                              std::span<Spectrum, Model::parameters> derivatives) {
+  constexpr std::size_t low = CellTransform::low_order;
+  quadrature_.set_level(level);
   for (std::size_t cell = 0; cell < transform_.cells(); ++cell) {
-    CellQuadrature::Sum<Model> sum{};
-    quadrature_.add_cell<Model>(p, polynomials_[cell], sum);
-    for (std::size_t k = 0; k < order; ++k) {
-      double moment = 0.0;
-      for (std::size_t j = 0; j < sum.moments.size(); ++j) moment += share<Model>(p, j) * sum.moments[j][k];
-      moments_[cell * order + k] = moment;
-    }
+    const CellQuadrature::Sum<Model> sum = set_force_moments<Model>(p, cell);
     for (std::size_t q = 0; q < Model::parameters; ++q)
       for (std::size_t k = 0; k < low; ++k) {
         double moment = 0.0;
@@ -107,12 +106,10 @@ double ForceSpectrum::linearize(const double* p, std::size_t level, Spectrum& fo
           moment += share_in_derivative<Model>(p, j, q) * sum.moments[j][k];
         derivative_moments_[q][cell * low + k] = moment;
       }
-    slope += std::abs(derivative_moments_[0][cell * low]);
   }
-  transform_.to_phasors(moments_, order, force);
+  transform_.to_phasors(moments_, CellTransform::order, force);
   for (std::size_t q = 0; q < Model::parameters; ++q)
     transform_.to_phasors(derivative_moments_[q], low, derivatives[q]);
-  return 0.5 * slope / static_cast<double>(transform_.cells());
 }
 
 }  // namespace combforce

@@ -163,15 +163,13 @@ class SelfConsistentFit {
   // whitened.
   void refine_quadrature(const Parameters& p, std::size_t level, Eigen::VectorXd& change) {
     spectrum_.set_motion(motion_);
-    spectrum_.template force<Model>(p.data(), level, force_);
-    for (std::size_t sign = 0; sign < 2; ++sign) {
-      if (sign == 1) spectrum_.template force<Model>(p.data(), level + 1, force_);
+    change.setZero();
+    for (const double sign : {-1.0, 1.0}) {
+      spectrum_.template force<Model>(p.data(), sign < 0.0 ? level : level + 1, force_);
       for (std::size_t i = 0; i < tones_.size(); ++i) {
         const Complex force = force_[harmonics_->tones()[i]];
-        if (sign == 0) change(index(2 * i)) = change(index(2 * i + 1)) = 0.0;
-        const double weight = sign == 0 ? -1.0 : 1.0;
-        change(index(2 * i)) += weight * force.real();
-        change(index(2 * i + 1)) += weight * force.imag();
+        change(index(2 * i)) += sign * force.real();
+        change(index(2 * i + 1)) += sign * force.imag();
       }
     }
     whiten(change);
@@ -393,8 +391,9 @@ class SelfConsistentFit {
   static constexpr std::size_t watch = 3;
   static constexpr double least_damping = 1e-8;
   static constexpr double most_relaxation = 10.0;
-  static constexpr double longest_step_nm = 2.0;  // of the surface position
-  static constexpr double longest_step = 0.7;     // of other parameters, relative
+  // Steps beyond leave the region where a linear step means anything: of the surface position, and relative,
+  // of the others.
+  static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
 
   const Harmonics* harmonics_;
   ForceSpectrum spectrum_;

@@ -42,14 +42,13 @@ INSTANTIATE_TEST_SUITE_P(Coverage, Efficient,
                          testing::Values("hertz_2tone_equal_energy", "hertz_4tone_equal_energy",
                                          "dmt_4tone_equal_energy"));
 
-// Adhesion and its distance gain less: 0.6 and 0.8 of their errors remain.
-TEST(Coverage, SidebandsHalveTheErrorsOfTheContactAndTheIntervalsCover) {
+TEST(Coverage, SidebandsHalveTheErrorsAndTheIntervalsCover) {
   const CoverageCase &with = find("dmt_4tone_equal_energy_sidebands"),
                      &without = find("dmt_4tone_equal_energy");
   const Coverage coverage = measure_coverage(with, with.pixels);
   expect_covered(coverage);
   const Coverage wide = measure_coverage(without, 100);  // the median of its errors is known to a few percent
-  for (std::size_t k = 0; k < 2; ++k)
+  for (std::size_t k = 0; k < coverage.parameters.size(); ++k)
     EXPECT_LT(coverage.parameters[k].claimed, 0.5 * wide.parameters[k].claimed) << "parameter " << k;
 }
 
@@ -61,7 +60,7 @@ TEST(Coverage, MeansOfSixteenWindowsCoverAtEqualAmplitude) {
 TEST(Coverage, OneWindowOfDmtAtEqualAmplitudeSaysThatItDoesNotTellTheParameters) {
   const CoverageCase& of = find("dmt_4tone_equal_amplitude");
   const Coverage coverage = measure_coverage(of, of.pixels);
-  EXPECT_GE(share(coverage, FitStatus::ill_conditioned) + share(coverage, FitStatus::ambiguous), 0.95);
+  EXPECT_GE(share(coverage, FitStatus::ill_conditioned), 0.95);
 }
 
 }  // namespace
