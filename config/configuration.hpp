@@ -48,7 +48,8 @@ struct DigitizerSettings {
 };
 
 struct PipelineSettings {
-  unsigned threads = 0;             // fit workers; 0: one a core; <= 1024
+  unsigned threads = 0;  // fit workers; 0: one a core; <= 1024
+  bool fit = true;       // false: pixels are only extracted. Not in a file: each tool knows what it is for.
   std::uint32_t ring_blocks = 64;   // blocks between digitizer and extraction, and recorder, each; >= 2
   std::uint32_t pixel_slots = 256;  // pixels between extraction and output; >= 2
   // Greatest change of a driven tone of the free response, relative to it, during a capture or from one

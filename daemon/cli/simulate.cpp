@@ -35,6 +35,7 @@ Configuration configure(const SimulateCommand& options) {
     throw InputError(options.config, "/digitizer/kind",
                      "\"replay\" cannot be simulated; expected \"simulated\"");
   SimulationSettings& simulation = configuration.digitizer.simulation;
+  configuration.pipeline.fit = false;
   simulation.paced = false;
   simulation.ends_with_scan = true;
   simulation.free_seconds = std::max(simulation.free_seconds, least_free_windows * window_s(simulation));

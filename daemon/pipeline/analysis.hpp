@@ -30,8 +30,8 @@ struct Analysis {
 // that does not fit its windows, a reference or noise that does not match the comb, an unknown model.
 std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Description description);
 
-// An analysis with the objects that carry it out: the extraction thread owns `extractor`, fit worker i owns
-// fitters[i]. Everything is allocated here, before the stretch begins.
+// An analysis with the objects that carry it out: the extraction thread owns `extractor`, fit worker i of
+// `workers` (0: nothing is fitted) owns fitters[i]. Everything is allocated here, before the stretch begins.
 struct AnalysisStage {
   AnalysisStage(const StreamInfo& info, std::shared_ptr<const Analysis> analysis, unsigned workers);
 
@@ -40,7 +40,7 @@ struct AnalysisStage {
 
   std::shared_ptr<const Analysis> analysis;
   CombExtractor extractor;
-  std::vector<PixelFitter> fitters;  // empty when analysis->model is null
+  std::vector<PixelFitter> fitters;  // empty also when analysis->model is null
 };
 
 }  // namespace combforce

@@ -266,7 +266,7 @@ void Extraction::emit_pixel() {
   if (slot.pixel.flags.any()) {
     slot.fit = unfitted(FitStatus::flagged, parameters);
     slots_.commit_complete();
-  } else if (analysis.model == nullptr || !valid(reference)) {
+  } else if (stage_->fitters.empty() || !valid(reference)) {
     slot.fit = unfitted(FitStatus::no_free_response, parameters);
     slots_.commit_complete();
   } else {

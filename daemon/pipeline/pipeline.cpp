@@ -46,6 +46,7 @@ Pipeline::Pipeline(const StreamInfo& info, BlockSink& sink, const PipelineSettin
       sink_(sink),
       settings_(settings),
       workers_(worker_count(settings)),
+      fitters_(settings.fit ? workers_ : 0),
       outputs_(std::move(outputs)),
       analysis_(make_analysis(info, std::move(description))) {
   std::size_t tones = analysis_->tip_per_volt.size();
@@ -53,13 +54,13 @@ Pipeline::Pipeline(const StreamInfo& info, BlockSink& sink, const PipelineSettin
   for (ScheduledChange& change : changes) {
     auto later = make_analysis(info, std::move(change.description));
     tones = std::max(tones, later->tip_per_volt.size());
-    scheduled.push_back({change.first_sample, std::make_unique<AnalysisStage>(info, later, workers_)});
+    scheduled.push_back({change.first_sample, std::make_unique<AnalysisStage>(info, later, fitters_)});
   }
   const std::size_t least = std::size_t{2} * workers_ * FitPool::queue_depth;
   slots_ = std::make_unique<OutputSlots>(std::max<std::size_t>(settings.pixel_slots, least), tones,
                                          info.channels.size());
   pool_ = std::make_unique<FitPool>(workers_, *slots_);
-  extraction_ = std::make_unique<Extraction>(info, std::make_unique<AnalysisStage>(info, analysis_, workers_),
+  extraction_ = std::make_unique<Extraction>(info, std::make_unique<AnalysisStage>(info, analysis_, fitters_),
                                              std::move(scheduled), *slots_, *pool_);
   if (outputs_.spectrum)
     spectra_ = std::make_unique<SpectrumMonitor>(
@@ -88,7 +89,7 @@ void Pipeline::stop() {
 
 void Pipeline::change(Description description) {
   auto analysis = make_analysis(info_, std::move(description));
-  auto stage = std::make_unique<AnalysisStage>(info_, analysis, workers_);
+  auto stage = std::make_unique<AnalysisStage>(info_, analysis, fitters_);
   const std::scoped_lock lock(mutex_);
   analysis_ = std::move(analysis);
   extraction_->change(std::move(stage));

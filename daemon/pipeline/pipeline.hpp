@@ -139,6 +139,7 @@ class Pipeline {
   BlockSink& sink_;
   const PipelineSettings settings_;
   const unsigned workers_;
+  const unsigned fitters_;  // one a worker, or none
   PipelineOutputs outputs_;
   mutable std::mutex mutex_;  // of analysis_ and the order of change()
   std::shared_ptr<const Analysis> analysis_;
