@@ -31,6 +31,9 @@ class Bounded {
   }
 
   bool at_bound(double x) const { return std::abs(std::sin(x)) > 1.0 - 1e-6; }
+  // Closer to a bound than any start point; and the x of that bound.
+  bool at_edge(double x) const { return std::abs(std::sin(x)) > edge; }
+  double bound(double x) const { return std::copysign(0.5 * std::numbers::pi, std::sin(x)); }
 
  private:
   static constexpr double edge = 1.0 - 1e-3;

@@ -89,9 +89,7 @@ class ModelFitter {
     for (std::size_t level = 0; level < ForceBalance::levels; ++level) {
       balance_->prepare(p[0], level, has_tail);
       residuals_.linearize(p, jacobian_, finer_);
-      double sum = 0.0;
-      for (Eigen::Index row = 0; row < finer_.size(); ++row)
-        sum += weights[static_cast<std::size_t>(row / 2)] * finer_(row) * finer_(row);
+      const double sum = error_of_finer(weights);
       if (std::abs(sum - coarse) <= 1e-6 * sum) return sum;
       coarse = sum;
     }
@@ -129,6 +127,7 @@ class ModelFitter {
     std::size_t found = 0;
     for (std::size_t i = 0; i < count; ++i) {
       Parameters p = starts[i];
+      residuals_.release();
       solve(p, 0, 30, 1e-4);
       const double cost = std::isfinite(solver_.summary.final_cost) ? solver_.summary.final_cost
                                                                     : std::numeric_limits<double>::max();
@@ -167,11 +166,14 @@ class ModelFitter {
     Minimum best = minimum(minima[0], measured, weights, whitening), other;
     if (seek && measured.noise_known()) {
       for (const Parameters& p : minima.subspan(1))
-        keep_best(minimum(p, measured, weights, whitening), best, other);
+        if (rivals(p, best, weights, whitening))
+          keep_best(minimum(p, measured, weights, whitening), best, other);
       if (const Trench<Model::parameters> trench(best.p, best.result); trench.is_long()) {
         const std::array starts{trench.start(1.0), trench.start(-1.0)};
+        residuals_.release();
         for (Parameters p : starts)
-          if (solve(p, 0, 30, 1e-4) && !alike(p, best.p) && !alike(p, other.p))
+          if (solve(p, 0, 30, 1e-4) && !within_noise(p, best) && !alike(p, other.p) &&
+              rivals(p, best, weights, whitening))
             keep_best(minimum(p, measured, weights, whitening), best, other);
       }
     }
@@ -185,10 +187,40 @@ class ModelFitter {
     minimum.result = unfitted(FitStatus::not_converged, Model::parameters);
     minimum.chi2 = refine(p, measured, weights, whitening, minimum.result);
     std::copy_n(minimum.result.parameters.begin(), minimum.p.size(), minimum.p.begin());
-    minimum.error = 0.0;
-    for (Eigen::Index row = 0; row < finer_.size(); ++row)
-      minimum.error += weights[static_cast<std::size_t>(row / 2)] * finer_(row) * finer_(row);
+    minimum.error = error_of_finer(weights);
     return minimum;
+  }
+
+  // Whether a minimum of the coarsest quadrature may yet turn out the least one, or explain the pixel as well
+  // as the best: the margins are far above what a finer quadrature adds to E, and to chi^2.
+  bool rivals(const Parameters& p, const Minimum& best, std::span<const double> weights,
+              const Whitening& whitening) {
+    if (best.result.status == FitStatus::not_converged) return true;
+    balance_->prepare(p[0], 0, has_tail);
+    residuals_.linearize(p, jacobian_, finer_);
+    return error_of_finer(weights) < 1.1 * best.error ||
+           chi2_of_finer(whitening) < best.chi2 + std::max(10.0, 0.1 * best.chi2);
+  }
+
+  // Nearer than the noise can tell: the way along the trench led back.
+  static bool within_noise(const Parameters& p, const Minimum& best) {
+    for (std::size_t k = 0; k < p.size(); ++k)
+      if (!(std::abs(p[k] - best.p[k]) <= 0.25 * best.result.std_errors[k])) return alike(p, best.p);
+    return true;
+  }
+
+  double error_of_finer(std::span<const double> weights) const {
+    double error = 0.0;
+    for (Eigen::Index row = 0; row < finer_.size(); ++row)
+      error += weights[static_cast<std::size_t>(row / 2)] * finer_(row) * finer_(row);
+    return error;
+  }
+  // NaN without a noise model.
+  double chi2_of_finer(const Whitening& whitening) {
+    if (!whitening.by_noise) return std::numeric_limits<double>::quiet_NaN();
+    differences_ = finer_;
+    whitening.root.triangularView<Eigen::Lower>().solveInPlace(differences_);
+    return differences_.squaredNorm();
   }
 
   // The least error that converged is the best; of the others the one with the least chi^2 stays.
@@ -200,7 +232,7 @@ class ModelFitter {
 
   // Solves on quadrature `level` from p, which becomes the minimum found, until a step changes x, or E, by
   // less than `tolerance` of itself (cuts that come and go make E jump by 1e-10 or so). Prepares the balance
-  // again when p0 comes close to its ceiling.
+  // again when p0 comes close to its ceiling; holds what creeps along its bound.
   bool solve(Parameters& p, std::size_t level, int most_iterations, double tolerance) {
     solver_.options.max_num_iterations = most_iterations;
     solver_.options.parameter_tolerance = tolerance;
@@ -216,6 +248,7 @@ class ModelFitter {
       iterations_ += static_cast<std::uint32_t>(solver_.summary.iterations);
       p = residuals_.parameters(x_);
       if (p[0] > balance_->ceiling_nm() - 0.5 * balance_->margin_nm()) continue;
+      if (solver_.summary.status == Solver::HIT_MAX_ITERATIONS && residuals_.hold_at_edges(x_)) continue;
       return solver_.summary.status != Solver::HIT_MAX_ITERATIONS &&
              std::isfinite(solver_.summary.final_cost);
     }
@@ -228,8 +261,9 @@ class ModelFitter {
                 const Whitening& whitening, FitResult& result) {
     bool solved = false, good = false;
     Linearization at{jacobian_, weights, {}};
+    residuals_.release();
     for (std::size_t level = 0; !good && level + 1 < ForceBalance::levels; ++level) {
-      solved = solve(p, level, 100, 1e-9);
+      solved = solve(p, level, 50, 1e-9);
       std::ranges::copy(residuals_.held(x_), at.fixed.begin());
       residuals_.linearize(p, jacobian_, differences_);
       balance_->prepare(p[0], level + 1, has_tail);
@@ -240,12 +274,7 @@ class ModelFitter {
     }
     if (good) step(at, p);
     std::copy(p.begin(), p.end(), result.parameters.begin());
-    double chi2 = std::numeric_limits<double>::quiet_NaN();
-    if (whitening.by_noise) {
-      differences_ = finer_;
-      whitening.root.triangularView<Eigen::Lower>().solveInPlace(differences_);
-      chi2 = differences_.squaredNorm();
-    }
+    const double chi2 = chi2_of_finer(whitening);
     const bool determined =
         estimate_uncertainty(at, measured.covariance(), chi2, measured.noise_known(), result);
     const bool bounded = std::any_of(at.fixed.begin(), at.fixed.end(), [](bool fixed) { return fixed; });

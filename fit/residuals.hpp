@@ -59,6 +59,23 @@ class Residuals {
     for (std::size_t k = 0; k < nonlinear.size(); ++k)
       bounded_[k] = Bounded(bounds[nonlinear[k]].lower, bounds[nonlinear[k]].upper);
     for (std::size_t k = 0; k < Model::linear.size(); ++k) linear_bounds_[k] = bounds[Model::linear[k]];
+    release();
+  }
+  // Holds at its bound every nonlinear parameter that x has brought to its edge, until release(): there the
+  // transformation is flat, and a solver creeps. True when one joins those held before.
+  bool hold_at_edges(const Coordinates& x) {
+    bool joined = false;
+    for (std::size_t k = 0; k < nonlinear.size(); ++k) {
+      if (held_[k] || !bounded_[k].at_edge(x(index(k)))) continue;
+      held_[k] = joined = true;
+      edges_(index(k)) = bounded_[k].bound(x(index(k)));
+    }
+    if (joined) valid_ = false;
+    return joined;
+  }
+  void release() {
+    held_.fill(false);
+    valid_ = false;
   }
   // The balance has been prepared anew.
   void invalidate() { valid_ = false; }
@@ -79,14 +96,15 @@ class Residuals {
     }
     if (jacobian != nullptr)
       for (std::size_t k = 0; k < nonlinear.size(); ++k)
-        project(p, nonlinear[k], bounded_[k].slope(x[k], p[nonlinear[k]]),
+        project(p, nonlinear[k], held_[k] ? 0.0 : bounded_[k].slope(x[k], p[nonlinear[k]]),
                 jacobian + k * static_cast<std::size_t>(NumResiduals()));
     return true;
   }
 
   Coordinates coordinates(const Parameters& p) const {
     Coordinates x;
-    for (std::size_t k = 0; k < nonlinear.size(); ++k) x(index(k)) = bounded_[k].inverse(p[nonlinear[k]]);
+    for (std::size_t k = 0; k < nonlinear.size(); ++k)
+      x(index(k)) = held_[k] ? edges_(index(k)) : bounded_[k].inverse(p[nonlinear[k]]);
     return x;
   }
   // The surface position at x, and all parameters.
@@ -237,6 +255,8 @@ class Residuals {
   std::vector<double> scales_;
   std::array<Bounded, nonlinear.size()> bounded_;
   std::array<Bounds, unknowns> linear_bounds_{};
+  std::array<bool, nonlinear.size()> held_{};  // at edges_
+  Coordinates edges_ = Coordinates::Zero();
   // At last_, when valid_:
   mutable Eigen::MatrixXcd terms_;
   mutable Eigen::VectorXcd residuals_;  // nN
