@@ -13,13 +13,15 @@ class Bounded {
  public:
   Bounded() = default;
   Bounded(double lower, double upper)
-      : logarithmic_(lower > 0.0),
+      : lower_(lower),
+        upper_(upper),
+        logarithmic_(lower > 0.0),
         middle_(0.5 * (scaled(upper) + scaled(lower))),
         half_(0.5 * (scaled(upper) - scaled(lower))) {}
 
   double value(double x) const {
     const double y = middle_ + half_ * std::sin(x);
-    return logarithmic_ ? std::exp(y) : y;
+    return std::clamp(logarithmic_ ? std::exp(y) : y, lower_, upper_);
   }
   // dp/dx at x, where p = value(x).
   double slope(double x, double p) const { return half_ * std::cos(x) * (logarithmic_ ? p : 1.0); }
@@ -39,6 +41,7 @@ class Bounded {
   static constexpr double edge = 1.0 - 1e-3;
   double scaled(double p) const { return logarithmic_ ? std::log(p) : p; }
 
+  double lower_ = 0.0, upper_ = 0.0;
   bool logarithmic_ = false;
   double middle_ = 0.0, half_ = 1.0;
 };

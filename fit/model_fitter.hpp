@@ -105,6 +105,7 @@ class ModelFitter {
   static constexpr double position_tolerance_nm = 1e-4;
   static constexpr double relative_tolerance = 5e-5;
   static constexpr double ill_conditioned_error = 0.3;
+  static constexpr double as_good = 1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
 
   // The surface is sought no farther from the motion than the motion's span.
   void bound_to_motion() {
@@ -195,10 +196,9 @@ class ModelFitter {
   // as the best: the margins are far above what a finer quadrature adds to E, and to chi^2.
   bool rivals(const Parameters& p, const Minimum& best, std::span<const double> weights,
               const Whitening& whitening) {
-    if (best.result.status == FitStatus::not_converged) return true;
     balance_->prepare(p[0], 0, has_tail);
     residuals_.linearize(p, jacobian_, finer_);
-    return error_of_finer(weights) < 1.1 * best.error ||
+    return error_of_finer(weights) < as_good * best.error ||
            chi2_of_finer(whitening) < best.chi2 + std::max(10.0, 0.1 * best.chi2);
   }
 
@@ -223,10 +223,12 @@ class ModelFitter {
     return differences_.squaredNorm();
   }
 
-  // The least error that converged is the best; of the others the one with the least chi^2 stays.
+  // The least error is the best, but for one that did not converge and has a neighbour that did; of the
+  // others the one with the least chi^2 stays.
   static void keep_best(Minimum one, Minimum& best, Minimum& other) {
     if (one.result.status == FitStatus::not_converged || alike(one.p, best.p)) return;
-    if (best.result.status == FitStatus::not_converged || one.error < best.error) std::swap(one, best);
+    const bool unsolved = best.result.status == FitStatus::not_converged;
+    if (one.error < (unsolved ? as_good : 1.0) * best.error) std::swap(one, best);
     if (one.result.status != FitStatus::not_converged && one.chi2 < other.chi2) other = one;
   }
 

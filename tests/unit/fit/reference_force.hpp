@@ -44,15 +44,17 @@ class ReferenceMotion {
 
 // Columns: F, then dF/dp of each parameter; nN.
 template <typename Model>
-Eigen::MatrixXd reference_force(const ReferenceMotion& motion, std::span<const double> p) {
+Eigen::MatrixXd reference_force(const ReferenceMotion& motion, std::span<const double> p,
+                                double tolerance = 1e-8) {
   using Jet = ceres::Jet<double, static_cast<int>(Model::parameters)>;
   std::array<Jet, Model::parameters> jets;
   for (std::size_t k = 0; k < jets.size(); ++k) jets[k] = Jet(p[k], static_cast<int>(k));
-  return motion.integrate(p[0], 1 + Model::parameters, [&](double d, std::span<double> values) {
+  const auto force_and_derivatives = [&](double d, std::span<double> values) {
     const Jet force = Model::force(jets.data(), Jet(d));
     values[0] = force.a;
     std::copy_n(force.v.data(), Model::parameters, values.begin() + 1);
-  });
+  };
+  return motion.integrate(p[0], 1 + Model::parameters, force_and_derivatives, tolerance);
 }
 
 // Column 0 alone.
