@@ -1,6 +1,7 @@
 #include "fit/measured_force.hpp"
 
 #include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -11,10 +12,15 @@ namespace {
 
 constexpr double drive_resolution = 1e-6;
 
-// Quantile of chi^2 that a normal deviate exceeds as rarely as `deviate` (Wilson and Hilferty 1931).
+// The quantile of chi^2 that is exceeded as rarely as a normal deviate exceeds `deviate`, and how often x is.
+double rarity(double deviate) {
+  return 0.5 * std::erfc(deviate / std::numbers::sqrt2);
+}
 double chi2_quantile(double degrees, double deviate) {
-  const double spread = 2.0 / (9.0 * degrees);
-  return degrees * std::pow(1.0 - spread + deviate * std::sqrt(spread), 3.0);
+  return quantile(complement(boost::math::chi_squared(degrees), rarity(deviate)));
+}
+double chi2_rarity(double degrees, double chi2) {
+  return cdf(complement(boost::math::chi_squared(degrees), chi2));
 }
 
 }  // namespace
@@ -96,7 +102,9 @@ bool MeasuredForce::contact() const {
 
 bool MeasuredForce::misfit(double chi2_reduced, std::size_t parameters, double deviate) const {
   const auto degrees = static_cast<double>(2 * forces_.size()) - static_cast<double>(parameters);
-  return noise_known_ && degrees > 0.0 && chi2_reduced * degrees > chi2_quantile(degrees, deviate);
+  const double chi2 = chi2_reduced * degrees;
+  if (!noise_known_ || degrees <= 0.0 || !(chi2 >= 0.0)) return false;
+  return !std::isfinite(chi2) || chi2_rarity(degrees, chi2) < rarity(deviate);
 }
 
 double MeasuredForce::virial_nn_nm() const {

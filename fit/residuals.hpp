@@ -13,6 +13,7 @@
 #include "fit/bounded.hpp"
 #include "fit/box_least_squares.hpp"
 #include "fit/force_balance.hpp"
+#include "fit/force_model.hpp"
 
 namespace combforce {
 

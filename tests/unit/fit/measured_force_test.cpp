@@ -86,9 +86,8 @@ TEST(NoContact, TheThresholdIsFiveSigmaOfEngagedAndFreeNoise) {
   for (const std::uint64_t free_windows : {1U, 100U})
     for (std::size_t tone = 0; tone < 4; ++tone) {
       conditions.free_response->windows = free_windows;
-      // Wilson and Hilferty's approximation of the quantile is 3 % high at eight degrees of freedom.
-      EXPECT_EQ(status_at(conditions, 0.97, tone), FitStatus::no_contact) << "tone " << tone;
-      EXPECT_NE(status_at(conditions, 1.06, tone), FitStatus::no_contact) << "tone " << tone;
+      EXPECT_EQ(status_at(conditions, 0.999, tone), FitStatus::no_contact) << "tone " << tone;
+      EXPECT_NE(status_at(conditions, 1.001, tone), FitStatus::no_contact) << "tone " << tone;
     }
 }
 
