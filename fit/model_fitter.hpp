@@ -265,7 +265,7 @@ class ModelFitter {
     Linearization at{jacobian_, weights, {}};
     residuals_.release();
     for (std::size_t level = 0; !good && level + 1 < ForceBalance::levels; ++level) {
-      solved = solve(p, level, 50, 1e-9);
+      solved = solve(p, level, 100, 1e-9);
       std::ranges::copy(residuals_.held(x_), at.fixed.begin());
       residuals_.linearize(p, jacobian_, differences_);
       balance_->prepare(p[0], level + 1, has_tail);
