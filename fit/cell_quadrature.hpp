@@ -2,10 +2,11 @@
 // of.
 //
 // A cell is cut at the motion's turning points into pieces over which d is monotone, those at the crossing of
-// d = p0 (the kink), and beyond it where the distance to the tail's pole has grown fourfold. Each part gets a
-// Gauss-Legendre rule; contact parts that reach the kink after the substitution t = t0 + s^2 that removes the
-// 3/2 power. The cuts move with p0, so the integral is as smooth in the parameters as the truth. A level says
-// how fine the rules are; differences between levels estimate the error.
+// d = p0 (the kink) and where a force that depends on velocity is clamped, and beyond it where the distance
+// to the tail's pole has grown fourfold. Each part gets a Gauss-Legendre rule; contact parts that reach the
+// kink after the substitution t = t0 + s^2 that removes the 3/2 power. The cuts move with p0, so the integral
+// is as smooth in the parameters as the truth. A level says how fine the rules are; differences between
+// levels estimate the error.
 #pragma once
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "fit/force_model.hpp"
 #include "fit/motion.hpp"
 #include "fit/quadrature.hpp"
 
@@ -35,7 +37,8 @@ class CellQuadrature {
     std::array<Motion::Moments, columns<Model>> moments;
   };
 
-  CellQuadrature();
+  // `velocity_per_slope`: nm/s per unit of dd/ds; for models that depend on velocity.
+  explicit CellQuadrature(double velocity_per_slope);
 
   void set_level(std::size_t level) { level_ = level; }
   std::size_t level() const { return level_; }
@@ -54,6 +57,8 @@ class CellQuadrature {
   void add_tail(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
   template <typename Model>
   void add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
+  template <typename Model>
+  Piece active(const double* p, const Motion::Polynomial& c, const Piece& piece) const;
   template <std::size_t First, std::size_t Terms, typename SumOfModel>
   static void add_node(const std::array<double, Terms>& values, double s, double weight, SumOfModel& sum);
 
@@ -70,11 +75,12 @@ class CellQuadrature {
     return tail_nodes_of_ratio[level_][i];
   }
 
+  double velocity_per_slope_;
   std::array<GaussRule, most_nodes + 1> rules_;  // by their number of nodes
   std::size_t level_ = 0;
 };
 
-inline CellQuadrature::CellQuadrature() {
+inline CellQuadrature::CellQuadrature(double velocity_per_slope) : velocity_per_slope_(velocity_per_slope) {
   for (std::size_t nodes = 1; nodes <= most_nodes; ++nodes) rules_[nodes] = gauss_legendre(nodes);
 }
 
@@ -91,10 +97,29 @@ void CellQuadrature::add_node(const std::array<double, Terms>& values, double s,
     for (std::size_t k = 0; k < Motion::order; ++k) sum.moments[First + m][k] += values[m] * powers[k];
 }
 
+// The part of a contact piece where the force is not clamped: depth > lag * velocity.
+template <typename Model>
+CellQuadrature::Piece CellQuadrature::active(const double* p, const Motion::Polynomial& c,
+                                             const Piece& piece) const {
+  const double lag = Model::lag_s(p) * velocity_per_slope_;
+  Motion::Polynomial pressure{};
+  for (std::size_t k = 0; k < Motion::order; ++k)
+    pressure[k] = -c[k] - (k + 1 < Motion::order ? lag * static_cast<double>(k + 1) * c[k + 1] : 0.0);
+  pressure[0] += p[0];
+  const bool at_begin = value_at(pressure, piece.begin) > 0.0, at_end = value_at(pressure, piece.end) > 0.0;
+  if (at_begin == at_end) return at_begin || piece.d_begin > piece.d_end ? piece : Piece{};
+  const double s = crossing(pressure, piece.begin, piece.end, 0.0, 1e-12);
+  return at_begin ? Piece{piece.begin, s, piece.d_begin, value_at(c, s)}
+                  : Piece{s, piece.end, value_at(c, s), piece.d_end};
+}
+
 // Nodes crowd quadratically at the shallow end when it is at, or close to, the kink.
 template <typename Model>
-void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece,
+void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, const Piece& whole,
                                  Sum<Model>& sum) const {
+  Piece piece = whole;
+  if constexpr (DependsOnVelocity<Model>) piece = active<Model>(p, c, whole);
+  if (!(piece.begin < piece.end)) return;
   const bool falling = piece.d_begin > piece.d_end;
   const double shallow = falling ? piece.begin : piece.end;
   const double length = falling ? piece.end - piece.begin : piece.begin - piece.end;
@@ -106,8 +131,9 @@ void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, c
     const double u = rule.nodes[j];
     const double s = shallow + length * (crowd ? u * u : u);
     const double weight = std::abs(length) * rule.weights[j] * (crowd ? 2.0 * u : 1.0);
-    const double depth = std::max(p[0] - value_at(c, s), 0.0);
-    add_node<0>(Model::contact(p, depth), s, weight, sum);
+    const auto [d, slope] = value_and_slope_at(c, s);
+    const double depth = std::max(p[0] - d, 0.0);
+    add_node<0>(contact_of<Model>(p, depth, velocity_per_slope_ * slope), s, weight, sum);
   }
 }
 

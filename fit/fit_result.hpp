@@ -41,8 +41,11 @@ struct FitResult {
   // sought.
   double alternative_delta_chi2 = std::numeric_limits<double>::quiet_NaN();
   std::array<double, max_parameters> alternative{};
-  double virial_nn_nm = 0.0;   // 1/2 sum Re(F_i conj d_i) over the measured tones
-  double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i) over the measured tones, 1e-15 W
+  // Of the measured tones, and where a refined fit has converged of the motion off the comb too: then the
+  // dissipated power is that of the whole motion, 0 for a conservative force. A conservative force moves
+  // power from tone to tone, so without refinement the sum over the measured ones alone means little.
+  double virial_nn_nm = 0.0;   // F_0 d_0 + 1/2 sum Re(F_i conj d_i)
+  double dissipated_fw = 0.0;  // -1/2 sum w_i Im(F_i conj d_i), 1e-15 W
 };
 
 // Reports a second minimum when its chi^2 is above the first one's by less than this: two standard

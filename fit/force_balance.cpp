@@ -28,7 +28,10 @@ constexpr double margin_of_span = 1.0 / 40.0;
 
 }  // namespace
 
-ForceBalance::ForceBalance(std::span<const std::uint64_t> bins) : motion_(bins) {
+ForceBalance::ForceBalance(std::span<const std::uint64_t> bins, double spacing_hz)
+    : motion_(bins),
+      velocity_per_slope_(motion_.velocity_per_slope(spacing_hz)),
+      quadrature_(velocity_per_slope_) {
   const std::size_t tones = motion_.tones();
   for (std::size_t level = 0; level < levels; ++level) {
     for (std::size_t split = 0; split < far_splits; ++split) {

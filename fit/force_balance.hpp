@@ -28,10 +28,12 @@ class ForceBalance {
  public:
   static constexpr std::size_t levels = CellQuadrature::levels;
 
-  explicit ForceBalance(std::span<const std::uint64_t> bins);
+  // `spacing_hz`: of the bins; only forces that depend on velocity need it.
+  explicit ForceBalance(std::span<const std::uint64_t> bins, double spacing_hz = 0.0);
 
   void set_motion(std::span<const std::complex<double>> tones);
   const Motion& motion() const { return motion_; }
+  double velocity_per_slope() const { return velocity_per_slope_; }  // nm/s per unit of dd/ds in a cell
 
   // Prepares evaluations at this level for surfaces about p0: true up to ceiling_nm(), efficient down to
   // about as far below p0 as the ceiling is above. What is prepared for a p0 within half of margin_nm() is
@@ -69,6 +71,7 @@ class ForceBalance {
   static constexpr std::array<std::size_t, levels> far_nodes{3, 5, 7, 9, 12};
 
   Motion motion_;
+  double velocity_per_slope_;
   CellQuadrature quadrature_;
   // [level][split]: exp(i w t) from the centre of a cell, row-major nodes x tones, over 2^split equal parts.
   std::array<std::array<std::vector<std::complex<double>>, far_splits>, levels> far_phases_;

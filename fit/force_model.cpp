@@ -31,11 +31,12 @@ const ModelInfo& find_model(std::string_view name) {
 }
 
 double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm,
-                   double /*velocity_nm_per_s*/) {
+                   double velocity_nm_per_s) {
   if (parameters.size() != model.parameters.size())
     throw std::invalid_argument(fmt::format("parameters: {} values, but model {} has {}", parameters.size(),
                                             model.name, model.parameters.size()));
-  return visit_model(model, [&](auto type) { return decltype(type)::force(parameters.data(), d_nm); });
+  return visit_model(
+      model, [&](auto type) { return force_of<decltype(type)>(parameters.data(), d_nm, velocity_nm_per_s); });
 }
 
 }  // namespace combforce

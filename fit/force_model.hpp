@@ -23,12 +23,35 @@ struct ModelInfo {
 };
 
 // One function of d that a fit integrates: a term phi_k of F = sum p_k phi_k, or its derivative with respect
-// to a nonlinear parameter.
+// to a nonlinear parameter or to the tip's velocity.
 struct ModelTerm {
   std::size_t linear;      // k
-  std::size_t derivative;  // index of that parameter, or value_of_term
+  std::size_t derivative;  // index of that parameter, or one of these
 };
 inline constexpr std::size_t value_of_term = std::numeric_limits<std::size_t>::max();
+inline constexpr std::size_t velocity_of_term = value_of_term - 1;
+
+// Models whose force depends on the tip's velocity (nm/s), in contact alone.
+template <typename Model>
+concept DependsOnVelocity = requires(const double* p) {
+  Model::contact(p, 0.0, 0.0);
+};
+
+template <typename Model, typename T>
+T force_of(const T* p, const T& d, double velocity_nm_per_s) {
+  if constexpr (DependsOnVelocity<Model>)
+    return Model::force(p, d, velocity_nm_per_s);
+  else
+    return Model::force(p, d);
+}
+
+template <typename Model>
+auto contact_of(const double* p, double depth, double velocity_nm_per_s) {
+  if constexpr (DependsOnVelocity<Model>)
+    return Model::contact(p, depth, velocity_nm_per_s);
+  else
+    return Model::contact(p, depth);
+}
 
 // All models, in a fixed order.
 std::span<const ModelInfo> force_models();

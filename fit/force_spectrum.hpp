@@ -20,11 +20,14 @@ class ForceSpectrum {
  public:
   using Spectrum = std::vector<std::complex<double>>;  // harmonics 0 … band: the mean, then peak phasors
 
-  ForceSpectrum(std::size_t highest_tone, std::size_t band)
+  // `spacing_hz`: of the harmonics.
+  ForceSpectrum(std::size_t highest_tone, std::size_t band, double spacing_hz)
       : transform_(highest_tone, band),
+        quadrature_(2.0 * static_cast<double>(transform_.cells()) * spacing_hz),
         polynomials_(transform_.cells()),
         moments_(transform_.cells() * CellTransform::order) {
     for (auto& moments : derivative_moments_) moments.resize(transform_.cells() * CellTransform::low_order);
+    damping_moments_.resize(transform_.cells() * CellTransform::low_order);
   }
 
   std::size_t band() const { return transform_.band(); }
@@ -37,10 +40,11 @@ class ForceSpectrum {
   template <typename Model>
   void force(const double* p, std::size_t level, Spectrum& force);
 
-  // The same with the phasors of dF/dp_k, good to 2 % at the highest tone, far better below.
+  // The same with the phasors of dF/dp_k, good to 2 % at the highest tone, far better below, and of
+  // dF/d(velocity), nN s/nm, where the model has it.
   template <typename Model>
   void linearize(const double* p, std::size_t level, Spectrum& force,
-                 std::span<Spectrum, Model::parameters> derivatives);
+                 std::span<Spectrum, Model::parameters> derivatives, Spectrum& damping);
 
  private:
   // Of the force in a cell; returns the moments of the model's terms there.
@@ -70,6 +74,7 @@ class ForceSpectrum {
   std::vector<Motion::Polynomial> polynomials_;
   std::vector<double> moments_;                                         // cells x order
   std::array<std::vector<double>, max_parameters> derivative_moments_;  // each cells x low_order
+  std::vector<double> damping_moments_;                                 // cells x low_order
 };
 
 template <typename Model>
@@ -94,7 +99,7 @@ void ForceSpectrum::force(const double* p, std::size_t level, Spectrum& force) {
 
 template <typename Model>
 void ForceSpectrum::linearize(const double* p, std::size_t level, Spectrum& force,
-                              std::span<Spectrum, Model::parameters> derivatives) {
+                              std::span<Spectrum, Model::parameters> derivatives, Spectrum& damping) {
   constexpr std::size_t low = CellTransform::low_order;
   quadrature_.set_level(level);
   for (std::size_t cell = 0; cell < transform_.cells(); ++cell) {
@@ -106,10 +111,19 @@ void ForceSpectrum::linearize(const double* p, std::size_t level, Spectrum& forc
           moment += share_in_derivative<Model>(p, j, q) * sum.moments[j][k];
         derivative_moments_[q][cell * low + k] = moment;
       }
+    if constexpr (DependsOnVelocity<Model>)
+      for (std::size_t k = 0; k < low; ++k) {
+        double moment = 0.0;
+        for (std::size_t j = 0; j < sum.moments.size(); ++j)
+          if (term<Model>(j).derivative == velocity_of_term)
+            moment += p[term<Model>(j).linear] * sum.moments[j][k];
+        damping_moments_[cell * low + k] = moment;
+      }
   }
   transform_.to_phasors(moments_, CellTransform::order, force);
   for (std::size_t q = 0; q < Model::parameters; ++q)
     transform_.to_phasors(derivative_moments_[q], low, derivatives[q]);
+  if constexpr (DependsOnVelocity<Model>) transform_.to_phasors(damping_moments_, low, damping);
 }
 
 }  // namespace combforce

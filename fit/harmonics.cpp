@@ -29,16 +29,16 @@ Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delt
   for (const Tone& tone : comb.tones) divisor = std::gcd(divisor, tone.bin);
   for (const Tone& tone : comb.tones) tones_.push_back(tone.bin / divisor);
   highest_tone_ = *std::ranges::max_element(tones_);
-  const double spacing_hz = static_cast<double>(divisor) * delta_f_hz;
+  spacing_hz_ = static_cast<double>(divisor) * delta_f_hz;
   const double harmonics = std::max(band_of_tones * static_cast<double>(highest_tone_),
-                                    compliant_band_hz(cantilever) / spacing_hz);
+                                    compliant_band_hz(cantilever) / spacing_hz_);
   const auto band =
       static_cast<std::size_t>(std::min(std::ceil(harmonics), static_cast<double>(most_harmonics)));
   is_tone_.resize(band + 1);
   for (const std::size_t tone : tones_) is_tone_[tone] = true;
   std::vector<std::size_t> others;
   for (std::size_t n = 0; n <= band; ++n) {
-    response_.push_back(tip_response(cantilever, static_cast<double>(n) * spacing_hz));
+    response_.push_back(tip_response(cantilever, static_cast<double>(n) * spacing_hz_));
     if (!is_tone_[n]) others.push_back(n);
   }
   const std::size_t strong = std::min(most_strong, others.size());

@@ -24,6 +24,7 @@ class Harmonics {
   std::size_t band() const { return response_.size() - 1; }
   std::span<const std::size_t> tones() const { return tones_; }  // of the comb, in its order
   std::size_t highest_tone() const { return highest_tone_; }
+  double spacing_hz() const { return spacing_hz_; }  // of the harmonics: g Delta f
   bool is_tone(std::size_t harmonic) const { return is_tone_[harmonic]; }
 
   // chi, nm/nN, of harmonics 0 … band.
@@ -35,6 +36,7 @@ class Harmonics {
  private:
   std::vector<std::size_t> tones_;
   std::size_t highest_tone_ = 0;
+  double spacing_hz_ = 0.0;
   std::vector<bool> is_tone_;
   std::vector<std::complex<double>> response_;
   std::vector<std::size_t> strong_;

@@ -10,6 +10,8 @@
 //   parameters). contact(), tail() the phi_k and their derivatives at depth p0 - d >= 0, and at height d - p0
 //   > 0; contact_terms
 //                     and tail_terms say which. Those not listed vanish on that side.
+//                     Where the force depends on the tip's velocity (kelvin_voigt.hpp), force() and contact()
+//                     take it last, nm/s, and lag_s() says from where on the force is clamped at 0.
 //   tail_length()     in the tail the force is analytic in d but for a pole no closer than this below p0.
 //   shapes            start values of the nonlinear parameters but p0 (the other entries are not used).
 // p[0] is always the surface position, the only place where F or its derivatives may jump; in contact F may

@@ -35,7 +35,7 @@ class ModelFitter {
   ModelFitter(ForceBalance& balance, std::size_t tones, std::span<const Bounds> bounds,
               const Harmonics* harmonics, std::uint32_t refine)
       : balance_(&balance),
-        starts_(balance.motion()),
+        starts_(balance.motion(), DependsOnVelocity<Model> ? balance.velocity_per_slope() : 0.0),
         residuals_(balance, tones),
         jacobian_(static_cast<Eigen::Index>(2 * tones), Model::parameters),
         differences_(static_cast<Eigen::Index>(2 * tones)),
@@ -50,7 +50,7 @@ class ModelFitter {
     if (harmonics != nullptr) refined_.emplace(*harmonics, refine);
   }
 
-  // The balance holds the motion of these tones, nm. Fills everything of `result` but virial and power.
+  // The balance holds the motion of these tones, nm. Fills `result`.
   // `weights`: of squared residuals in the paper's fit and in all scans for starts, one a tone; `whitening`:
   // of the refined fit and of chi^2. `start`: empty to scan.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
@@ -73,6 +73,8 @@ class ModelFitter {
                     std::span(further).first(start.empty() ? further.size() : 0), result);
     } else {
       fit_paper(std::span(minima).first(found), measured, weights, whitening, start.empty(), result);
+      result.virial_nn_nm = measured.virial_nn_nm();
+      result.dissipated_fw = measured.dissipated_fw();
     }
     result.iterations += iterations_;
   }

@@ -9,11 +9,12 @@
 #include "fit/flat_punch.hpp"
 #include "fit/force_model.hpp"
 #include "fit/hertz.hpp"
+#include "fit/kelvin_voigt.hpp"
 
 namespace combforce {
 
 // A new model is a header and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch>;
+using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt>;
 
 // Calls function(Model{}) for the model that `info` describes and returns what it returns.
 template <typename Function, std::size_t Index = 0>

@@ -27,9 +27,8 @@ Motion::Polynomial expand_exponential(double theta) {
 }
 
 Motion::Motion(std::span<const std::uint64_t> bins) : harmonics_(bins.begin(), bins.end()) {
-  std::uint64_t divisor = 0;
-  for (const std::uint64_t bin : bins) divisor = std::gcd(divisor, bin);
-  for (std::uint64_t& harmonic : harmonics_) harmonic /= divisor;
+  for (const std::uint64_t bin : bins) divisor_ = std::gcd(divisor_, bin);
+  for (std::uint64_t& harmonic : harmonics_) harmonic /= divisor_;
   const std::size_t cells = std::max<std::size_t>(8, 4 * highest_harmonic());
   polynomials_.resize(cells);
   for (const std::uint64_t harmonic : harmonics_)

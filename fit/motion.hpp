@@ -35,6 +35,10 @@ class Motion {
   std::size_t tones() const { return harmonics_.size(); }
   std::size_t cells() const { return polynomials_.size(); }
   std::uint64_t highest_harmonic() const;  // of the period: a bound on its turning points is twice this
+  // nm/s per unit of dd/ds in a cell; `spacing_hz`: of the bins.
+  double velocity_per_slope(double spacing_hz) const {
+    return 2.0 * static_cast<double>(cells() * divisor_) * spacing_hz;
+  }
 
   const Polynomial& polynomial(std::size_t cell) const { return polynomials_[cell]; }
   double lowest_nm() const { return lowest_; }  // sampled: true to a fraction of a percent of the amplitudes
@@ -52,6 +56,7 @@ class Motion {
   double cell_weight() const { return 1.0 / static_cast<double>(polynomials_.size()); }
 
  private:
+  std::uint64_t divisor_ = 0;             // g
   std::vector<std::uint64_t> harmonics_;  // of the period: bins / g
   std::vector<Polynomial> expansion_;  // a tone: even k the real part of exp(i theta s), odd k the imaginary
   std::vector<std::complex<double>> roots_;  // exp(i pi j / cells), j = 0 … 2 cells - 1

@@ -79,6 +79,10 @@ void validate_weighting(const FitConditions& conditions) {
         "settings.weighting: noise, but noise.temperature_k and detector noise are 0");
 }
 
+double spacing_hz(const FitConditions& conditions) {
+  return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+}
+
 // Beyond a millimetre nothing is the tip of a cantilever: overflow, or a scale gone wrong. False for NaN.
 constexpr double longest_nm = 1e6;
 
@@ -109,7 +113,7 @@ class PixelFitter::State {
         tones_(conditions.comb.tones.size()),
         refers_(conditions.free_response.has_value()),
         measured_(refers_ ? conditions : without_motion(conditions)),
-        balance_(bins_of(conditions.comb)),
+        balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         harmonics_(harmonics_of(conditions)),
         fitter_(make_fitter(conditions)),
         weights_(weights_of(conditions, measured_)),
@@ -137,6 +141,7 @@ class PixelFitter::State {
       set_motion(tip_nm);
       std::visit([&](auto& fitter) { fitter.fit(measured_, tip_nm, weights_, whitening_, start, result); },
                  fitter_);
+      return;
     }
     result.virial_nn_nm = measured_.virial_nn_nm();
     result.dissipated_fw = measured_.dissipated_fw();
@@ -187,8 +192,7 @@ class PixelFitter::State {
 
   static std::unique_ptr<Harmonics> harmonics_of(const FitConditions& conditions) {
     if (conditions.settings.refine == 0) return nullptr;
-    const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
-    return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, delta_f_hz);
+    return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, spacing_hz(conditions));
   }
 
   void require_tones(std::span<const std::complex<double>> tip_nm) const {

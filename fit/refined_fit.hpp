@@ -41,7 +41,7 @@ class RefinedFit {
         factor_(rows_),
         ones_(harmonics.tones().size(), 1.0) {}
 
-  // Fills everything of `result` but virial and power. `starts`: best first, at least one, all tried;
+  // Fills `result`. `starts`: best first, at least one, all tried;
   // `further`: tried until one explains the pixel when none of `starts` does. `tones`: nm, one a tone.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
            const Whitening& whitening, std::span<const Bounds> bounds, std::span<const Parameters> starts,
@@ -60,6 +60,8 @@ class RefinedFit {
       determined = estimate(measured, whitening, best, result);
     }
     result.status = status(measured, best, determined, result);
+    result.virial_nn_nm = measured.virial_nn_nm() + (best.converged ? off_comb_.virial_nn_nm : 0.0);
+    result.dissipated_fw = measured.dissipated_fw() + (best.converged ? off_comb_.dissipated_fw : 0.0);
     // Costs are chi^2 when the weights come from noise.
     if (measured.noise_known() && other.converged)
       report_alternative(other.p, other.cost - best.cost, result);
@@ -90,6 +92,7 @@ class RefinedFit {
     if (best.converged && !same(solution, best)) other = best;
     best = solution;
     jacobian_ = fit_.jacobian();
+    off_comb_ = fit_.off_comb_exchange();
     estimate_quadrature_error(best, result);
   }
 
@@ -163,6 +166,7 @@ class RefinedFit {
   Eigen::MatrixXd stiffness_, covariance_, root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   std::vector<double> ones_;
+  typename SelfConsistentFit<Model>::Exchange off_comb_;
 };
 
 }  // namespace combforce

@@ -23,6 +23,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <numbers>
 #include <span>
 #include <vector>
 
@@ -50,7 +51,7 @@ class SelfConsistentFit {
 
   explicit SelfConsistentFit(const Harmonics& harmonics)
       : harmonics_(&harmonics),
-        spectrum_(harmonics.highest_tone(), harmonics.band()),
+        spectrum_(harmonics.highest_tone(), harmonics.band(), harmonics.spacing_hz()),
         rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
         unknowns_(static_cast<Eigen::Index>(2 * harmonics.strong().size())),
         matrix_(unknowns_, unknowns_),
@@ -64,6 +65,7 @@ class SelfConsistentFit {
         whitening_(rows_, rows_),
         response_(unknowns_, rows_) {
     for (auto& derivative : derivatives_) derivative.resize(motion_.size());
+    if (DependsOnVelocity<Model>) damping_.resize(motion_.size());
     for (Linearized* at : {&current_, &best_}) {
       at->base.resize(motion_.size());
       for (auto& response : at->response) response.resize(motion_.size());
@@ -159,6 +161,21 @@ class SelfConsistentFit {
     }
   }
 
+  // Of the last solution: virial and dissipated power of the force that moves the tip off the comb.
+  struct Exchange {
+    double virial_nn_nm = 0.0, dissipated_fw = 0.0;
+  };
+  Exchange off_comb_exchange() const {
+    Exchange sum;
+    for (std::size_t n = 0; n < best_.base.size(); ++n) {
+      if (harmonics_->is_tone(n)) continue;
+      const Complex product = std::norm(best_.base[n]) / harmonics_->response()[n];  // F conj(o)
+      sum.virial_nn_nm += (n == 0 ? 1.0 : 0.5) * product.real();
+      sum.dissipated_fw -= 0.5 * turn(static_cast<std::ptrdiff_t>(n)).imag() * product.imag() * 1e-3;
+    }
+    return sum;
+  }
+
   // Of the last solution: by how much the next finer quadrature changes the model's phasors, rows as above,
   // whitened.
   void refine_quadrature(const Parameters& p, std::size_t level, Eigen::VectorXd& change) {
@@ -197,25 +214,41 @@ class SelfConsistentFit {
     return x;
   }
 
-  // Coefficient m of exp(i w_m t) in F'(d(t)); for a force of d - p0, F' = -dF/dp0.
-  Complex stiffness(std::ptrdiff_t m) const {
-    const auto size = static_cast<std::ptrdiff_t>(motion_.size());
+  // Coefficient m of exp(i w_m t) in a function with these phasors.
+  static Complex coefficient(const Spectrum& phasors, std::ptrdiff_t m) {
+    const auto size = static_cast<std::ptrdiff_t>(phasors.size());
     if (m >= size || -m >= size) return 0.0;
-    if (m == 0) return -derivatives_[0][0];
-    const Complex half = -0.5 * derivatives_[0][static_cast<std::size_t>(std::abs(m))];
+    if (m == 0) return phasors[0];
+    const Complex half = 0.5 * phasors[static_cast<std::size_t>(std::abs(m))];
     return m > 0 ? half : std::conj(half);
+  }
+  // Those of dF/dd, which for a force of d - p0 is -dF/dp0, and of dF/d(velocity).
+  Complex stiffness(std::ptrdiff_t m) const { return -coefficient(derivatives_[0], m); }
+  Complex damping(std::ptrdiff_t m) const {
+    if constexpr (DependsOnVelocity<Model>)
+      return coefficient(damping_, m);
+    else
+      return 0.0;
   }
 
   // What a change (x + iy) of the motion at harmonic m does to the force at n: re x + im y.
   struct Coupling {
     Complex re, im;
   };
+  // Its velocity is i w_m (x + iy).
   Coupling coupling(std::size_t n, std::size_t m) const {
     const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
     if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
-    if (n == 0) return {stiffness(k).real(), stiffness(k).imag()};
-    const Complex direct = stiffness(j - k), mirrored = stiffness(j + k);
+    if (n == 0) {
+      const Complex both = stiffness(k) - turn(k) * damping(k);
+      return {both.real(), both.imag()};
+    }
+    const Complex direct = stiffness(j - k) + turn(k) * damping(j - k),
+                  mirrored = stiffness(j + k) - turn(k) * damping(j + k);
     return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
+  }
+  Complex turn(std::ptrdiff_t m) const {
+    return {0.0, 2.0 * std::numbers::pi * harmonics_->spacing_hz() * static_cast<double>(m)};
   }
 
   // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
@@ -242,7 +275,7 @@ class SelfConsistentFit {
     for (std::size_t k = 0; k < count; ++k) p[k] = bounded_[k].value(x(index(k)));
     for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
     spectrum_.set_motion(motion_);
-    spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_);
+    spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_, damping_);
     current_.x = x;
     factorize();
     respond(force_, motion_, current_.base);
@@ -403,6 +436,7 @@ class SelfConsistentFit {
   Eigen::VectorXd right_, solved_;
   Spectrum force_, motion_;
   std::array<Spectrum, count> derivatives_;
+  Spectrum damping_;  // dF/d(velocity)
   std::vector<Complex> tones_, forces_;
   Eigen::MatrixXd whitening_;  // L
   Eigen::MatrixXd response_;   // of the motion off the comb to that at the tones

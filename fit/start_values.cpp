@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace combforce {
 
-StartValues::StartValues(const Motion& motion)
-    : d_(bins),
-      histogram_(static_cast<Eigen::Index>(2 * motion.tones()), bins),
+StartValues::StartValues(const Motion& motion, double velocity_per_slope)
+    : velocity_per_slope_(velocity_per_slope),
+      d_(velocity_per_slope > 0.0 ? 2 * bins : bins),
+      histogram_(static_cast<Eigen::Index>(2 * motion.tones()), static_cast<Eigen::Index>(d_.size())),
+      velocity_(d_.size()),
+      time_(d_.size()),
       basis_(static_cast<Eigen::Index>(2 * motion.tones()), max_parameters),
       centre_(motion.tones()),
       fine_(equidistant(motion, 24)),
@@ -24,9 +28,11 @@ void StartValues::set_motion(const Motion& motion) {
   constexpr double last = bins - 1;
   lowest_ = motion.lowest_nm();
   span_ = motion.highest_nm() - lowest_;
-  for (std::size_t bin = 0; bin < bins; ++bin)
-    d_[bin] = lowest_ + span_ * std::pow(static_cast<double>(bin) / last, 3.0);
+  for (std::size_t bin = 0; bin < d_.size(); ++bin)
+    d_[bin] = lowest_ + span_ * std::pow(static_cast<double>(bin % bins) / last, 3.0);
   histogram_.setZero();
+  std::ranges::fill(velocity_, 0.0);
+  std::ranges::fill(time_, 0.0);
   for (std::size_t cell = 0; cell < motion.cells(); ++cell) {
     const Motion::Polynomial& c = motion.polynomial(cell);
     for (std::size_t i = 0; i < centre_.size(); ++i)
@@ -34,6 +40,8 @@ void StartValues::set_motion(const Motion& motion) {
     const double height = (c[0] - spread(c) - lowest_) / span_;
     add_samples(c, height < 0.08 ? fine_ : height < 0.25 ? medium_ : coarse_);
   }
+  for (std::size_t bin = 0; bin < d_.size(); ++bin)
+    if (time_[bin] > 0.0) velocity_[bin] *= velocity_per_slope_ / time_[bin];
 }
 
 StartValues::Samples StartValues::equidistant(const Motion& motion, std::size_t count) {
@@ -50,11 +58,17 @@ StartValues::Samples StartValues::equidistant(const Motion& motion, std::size_t 
 void StartValues::add_samples(const Motion::Polynomial& c, const Samples& samples) {
   const std::complex<double>* local = samples.phases.data();
   for (const double s : samples.places) {
-    const double d = value_at(c, s);
+    const auto [d, slope] = value_and_slope_at(c, s);
     const double place =
         static_cast<double>(bins - 1) * std::cbrt(std::clamp((d - lowest_) / span_, 0.0, 1.0));
-    const auto bin = std::min(static_cast<std::size_t>(place), bins - 2);
+    const std::size_t first = velocity_per_slope_ > 0.0 && slope > 0.0 ? bins : 0;
+    const std::size_t bin = first + std::min(static_cast<std::size_t>(place), bins - 2);
     const double share = std::clamp((d - d_[bin]) / (d_[bin + 1] - d_[bin]), 0.0, 1.0);
+    const double time = 1.0 / static_cast<double>(samples.places.size());
+    for (const auto& [at, part] : {std::pair{bin, 1.0 - share}, {bin + 1, share}}) {
+      time_[at] += part * time;
+      velocity_[at] += part * time * slope;
+    }
     double* lower = histogram_.col(static_cast<Eigen::Index>(bin)).data();
     double* upper = histogram_.col(static_cast<Eigen::Index>(bin + 1)).data();
     for (std::size_t i = 0; i < centre_.size(); ++i, ++local) {

@@ -3,9 +3,10 @@
 // lower turning point.
 //
 // A histogram of d over the period, with the phases of the tones as weights, gives model phasors at the cost
-// of its bins, to a percent or so. On it p0 is scanned over depths below … above the turning point and over
-// the model's shapes; the linear parameters follow by least squares, held at 0 or above. The best few minima
-// of the scan are the starts.
+// of its bins, to a percent or so; where the force depends on velocity, one histogram a direction, with the
+// mean velocity in each bin, to some ten percent. On it p0 is scanned over depths below … above the turning
+// point and over the model's shapes; the linear parameters follow by least squares, held at 0 or above. The
+// best few minima of the scan are the starts.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +31,9 @@ class StartValues {
   static constexpr std::size_t depths = 97, stride = 4;
   static constexpr std::size_t most = 6;  // starts
 
-  explicit StartValues(const Motion& motion);  // for motions with its bins
+  // For motions with the bins of this one. `velocity_per_slope`: of it, for models that depend on velocity; 0
+  // for others.
+  explicit StartValues(const Motion& motion, double velocity_per_slope = 0.0);
 
   // Builds the histogram of a motion.
   void set_motion(const Motion& motion);
@@ -82,10 +85,13 @@ class StartValues {
   template <typename Model>
   void add_bin(const double* p, std::size_t bin);
 
+  double velocity_per_slope_;
   double lowest_ = 0.0, span_ = 0.0;
-  std::vector<double> d_;      // of the bins: spaced as their index squared, closest at the turning point
-  Eigen::MatrixXd histogram_;  // (re, im a tone) x bins
-  Eigen::MatrixXd basis_;      // (re, im a tone) x parameters
+  std::vector<double> d_;  // of the bins: spaced as their index squared, closest at the turning point
+  // (re, im a tone) x bins, those of falling d and again those of rising d where velocity matters.
+  Eigen::MatrixXd histogram_;
+  std::vector<double> velocity_, time_;  // of the bins: mean, nm/s, and what it is the mean of
+  Eigen::MatrixXd basis_;                // (re, im a tone) x parameters
   std::vector<std::complex<double>> centre_;
   Samples fine_, medium_, coarse_;
 };
@@ -101,7 +107,7 @@ StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Mo
   std::array<double, Model::parameters> p = shape;
   p[0] = p0;
   basis_.setZero();
-  for (std::size_t bin = 0; bin < bins; ++bin) add_bin<Model>(p.data(), bin);
+  for (std::size_t bin = 0; bin < d_.size(); ++bin) add_bin<Model>(p.data(), bin);
   Eigen::Matrix<double, unknowns, unknowns> normal;
   Eigen::Matrix<double, unknowns, 1> right;
   std::array<Bounds, unknowns> box;
@@ -132,7 +138,7 @@ void StartValues::add_bin(const double* p, std::size_t bin) {
     }
   };
   if (d_[bin] <= p[0])
-    add(Model::contact_terms, Model::contact(p, p[0] - d_[bin]));
+    add(Model::contact_terms, contact_of<Model>(p, p[0] - d_[bin], velocity_[bin]));
   else if constexpr (!Model::tail_terms.empty())
     add(Model::tail_terms, Model::tail(p, d_[bin] - p[0]));
 }

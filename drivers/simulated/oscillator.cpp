@@ -208,6 +208,13 @@ double Oscillator::tip_nm() const {
   return sum;
 }
 
+double Oscillator::tip_nm_per_s() const {
+  double sum = 0.0;
+  for (std::size_t n = 0; n < re_.size(); ++n)
+    sum += (dynamics_.weight[n] * dynamics_.lambda[n] * Complex(re_[n], im_[n])).real();
+  return sum;
+}
+
 double Oscillator::detector_v() const {
   double sum = 0.0;
   for (std::size_t n = 0; n < tones_; ++n) {

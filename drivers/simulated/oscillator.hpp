@@ -61,7 +61,8 @@ class Oscillator {
 
   // The state at the next sample.
   std::uint64_t next_sample() const { return sample_; }
-  double tip_nm() const;                                 // d
+  double tip_nm() const;  // d
+  double tip_nm_per_s() const;
   std::complex<double> free_nm(std::size_t mode) const;  // q_free,m as an analytic signal: q in the real part
   double mode_nm(std::size_t mode) const { return free_nm(mode).real() + response_nm(mode); }  // q_m
   double response_nm(std::size_t mode) const { return re_[tones_ + mode]; }                    // u_m
@@ -96,7 +97,11 @@ class Oscillator {
   template <typename Model>
   void evaluate(const CellTable& cell, Tip& tip, Tip& force) const;
   template <typename Model>
+  void force_at_later_nodes(const Tip& tip, double seconds, Tip& force) const;
+  template <typename Model>
   void evaluate_short(const Taylor& taylor, double seconds, Tip& tip, Tip& force) const;
+  template <typename Model>
+  double force_now(double tip) const;
   template <typename Model>
   void cross_kink(double seconds);
   void apply(const CellTable& cell, const Tip& force);

@@ -75,7 +75,39 @@ double first_crossing(const Tip& tip, double kink) {
   return s;
 }
 
+// slope_weights[j][l]: slope at node j, per cell, of the quartic through the nodes, of a unit at node l.
+using SlopeWeights = std::array<Tip, cell_nodes>;
+
+SlopeWeights make_slope_weights() {
+  SlopeWeights weights{};
+  for (std::size_t j = 0; j < cell_nodes; ++j)
+    for (std::size_t l = 0; l < cell_nodes; ++l)
+      for (std::size_t k = 0; k < cell_nodes; ++k) {
+        if (k == l) continue;
+        double product = 1.0 / (cell_node[l] - cell_node[k]);
+        for (std::size_t m = 0; m < cell_nodes; ++m)
+          if (m != l && m != k) product *= (cell_node[j] - cell_node[m]) / (cell_node[l] - cell_node[m]);
+        weights[j][l] += product;
+      }
+  return weights;
+}
+
 }  // namespace
+
+// The velocity, where a model wants it, is the slope of the quartic through the tip's nodes.
+template <typename Model>
+void Oscillator::force_at_later_nodes(const Tip& tip, double seconds, Tip& force) const {
+  if constexpr (DependsOnVelocity<Model>) {
+    static const SlopeWeights slope_weights = make_slope_weights();
+    for (std::size_t j = 1; j < cell_nodes; ++j) {
+      double slope = 0.0;
+      for (std::size_t l = 0; l < cell_nodes; ++l) slope += slope_weights[j][l] * (tip[l] - tip[0]);
+      force[j] = Model::force(parameters_.data(), tip[j], slope / seconds);
+    }
+  } else {
+    for (std::size_t j = 1; j < cell_nodes; ++j) force[j] = Model::force(parameters_.data(), tip[j]);
+  }
+}
 
 template <typename Model>
 void Oscillator::evaluate(const CellTable& cell, Tip& tip, Tip& force) const {
@@ -86,18 +118,16 @@ void Oscillator::evaluate(const CellTable& cell, Tip& tip, Tip& force) const {
       later[j] += cell.tip_re[n][j] * re_[n] + cell.tip_im[n][j] * im_[n];
     }
   }
+  std::copy(later.begin(), later.end(), tip.begin() + 1);
+  force_at_later_nodes<Model>(tip, cell.seconds, force);
   double change = 0.0;
-  for (std::size_t j = 0; j < later.size(); ++j) {
-    tip[j + 1] = later[j];
-    force[j + 1] = Model::force(parameters_.data(), later[j]);
-    change = std::max(change, std::abs(force[j + 1] - force[0]));
-  }
+  for (std::size_t j = 1; j < cell_nodes; ++j) change = std::max(change, std::abs(force[j] - force[0]));
   if (change * cell.greatest_tip_per_force < correction_nm) return;
   for (std::size_t l = 1; l < cell_nodes; ++l) {
     for (std::size_t j = 0; j < later.size(); ++j)
       tip[j + 1] += cell.tip_per_force[l][j] * (force[l] - force[0]);
   }
-  for (std::size_t j = 1; j < cell_nodes; ++j) force[j] = Model::force(parameters_.data(), tip[j]);
+  force_at_later_nodes<Model>(tip, cell.seconds, force);
 }
 
 void Oscillator::apply(const CellTable& cell, const Tip& force) {
@@ -148,10 +178,10 @@ void Oscillator::evaluate_short(const Taylor& taylor, double seconds, Tip& tip, 
     return sum;
   };
   tip[0] = taylor[0];
-  force.fill(Model::force(parameters_.data(), tip[0]));
+  force.fill(force_of<Model>(parameters_.data(), tip[0], taylor[1]));
   for (int pass = 0; pass < 2; ++pass) {
     for (std::size_t j = 1; j < cell_nodes; ++j) tip[j] = predict(j);
-    for (std::size_t j = 1; j < cell_nodes; ++j) force[j] = Model::force(parameters_.data(), tip[j]);
+    force_at_later_nodes<Model>(tip, seconds, force);
   }
 }
 
@@ -181,13 +211,18 @@ void Oscillator::cross_kink(double seconds) {
 }
 
 template <typename Model>
+double Oscillator::force_now(double tip) const {
+  return force_of<Model>(parameters_.data(), tip, DependsOnVelocity<Model> ? tip_nm_per_s() : 0.0);
+}
+
+template <typename Model>
 void Oscillator::cross_sample() {
   const auto finest = static_cast<std::uint32_t>(ladder_.size() - 1);
   const std::uint64_t end = std::uint64_t{cells_a_sample_} << finest;  // in shortest cells
   std::uint64_t position = 0;
   Tip tip, force;
   tip[0] = tip_nm();
-  force[0] = Model::force(parameters_.data(), tip[0]);
+  force[0] = force_now<Model>(tip[0]);
   while (position < end) {
     const CellTable& cell = ladder_[level_];
     evaluate<Model>(cell, tip, force);
@@ -208,7 +243,7 @@ void Oscillator::cross_sample() {
     } else {
       cross_kink<Model>(cell.seconds);
       tip[0] = tip_nm();
-      force[0] = Model::force(parameters_.data(), tip[0]);
+      force[0] = force_now<Model>(tip[0]);
     }
     const std::uint64_t longer = std::uint64_t{2} << (finest - level_);
     if (level_ > 0 && clear && coefficient < growth * tolerances_.force_nn && position % longer == 0)

@@ -6,6 +6,7 @@
 #include <nvector/nvector_serial.h>
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -18,7 +19,7 @@ namespace combforce::testing {
 class CvodeMotion {
  public:
   // From the drive's steady state at t = 0, as the simulator starts.
-  CvodeMotion(const OscillatorSettings& settings, std::function<double(double)> force)
+  CvodeMotion(const OscillatorSettings& settings, std::function<double(double tip_nm, double nm_per_s)> force)
       : settings_(settings), force_(std::move(force)) {
     check(SUNContext_Create(nullptr, &context_), "SUNContext_Create");
     const std::size_t modes = settings_.cantilever.modes.size();
@@ -84,9 +85,12 @@ class CvodeMotion {
     const double* y = N_VGetArrayPointer(state);
     double* dy = N_VGetArrayPointer(rate);
     const std::size_t modes = self.settings_.cantilever.modes.size();
-    double tip = 0.0;
-    for (std::size_t m = 0; m < modes; ++m) tip += y[2 * m];
-    double force = self.force_(tip);
+    double tip = 0.0, tip_velocity = 0.0;
+    for (std::size_t m = 0; m < modes; ++m) {
+      tip += y[2 * m];
+      tip_velocity += y[2 * m + 1];
+    }
+    double force = self.force_(tip, tip_velocity);
     for (std::size_t i = 0; i < self.settings_.drive_bins.size(); ++i) {
       force += (self.settings_.drive_forces_nn[i] * std::polar(1.0, self.omega(i) * t)).real();
     }
@@ -101,7 +105,7 @@ class CvodeMotion {
   }
 
   OscillatorSettings settings_;
-  std::function<double(double)> force_;
+  std::function<double(double, double)> force_;
   SUNContext context_ = nullptr;
   N_Vector state_ = nullptr, tolerance_ = nullptr;
   void* cvode_ = nullptr;
@@ -114,6 +118,13 @@ inline double paper_hertz(double p0, double p1, double d) {
 }
 inline double paper_dmt(double p0, double p1, double p2, double p3, double d) {
   return d < p0 ? p1 * std::pow(p0 - d, 1.5) - p2 : -p2 * std::pow(p3 / (d - p0 + p3), 2);
+}
+
+// Kelvin-Voigt with a Hertzian contact (Garcia et al. 2006); p2 in us.
+inline double viscous_hertz(double p0, double p1, double p2, double d, double velocity) {
+  if (d >= p0) return 0.0;
+  const double viscous = 1.5e-6 * p2 * std::sqrt(p0 - d) * -velocity;
+  return std::max(0.0, p1 * (std::pow(p0 - d, 1.5) + viscous));
 }
 
 }  // namespace combforce::testing

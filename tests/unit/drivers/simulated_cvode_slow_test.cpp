@@ -10,7 +10,7 @@ constexpr double pm = 1e-3;
 std::vector<std::vector<std::complex<double>>> cvode_tones(const PaperCase& paper,
                                                            const OscillatorSettings& settings) {
   const std::vector<double>& p = paper.truth;
-  CvodeMotion oracle(settings, [&](double d) {
+  CvodeMotion oracle(settings, [&](double d, double /*nm_per_s*/) {
     return paper.model == "hertz" ? paper_hertz(p[0], p[1], d) : paper_dmt(p[0], p[1], p[2], p[3], d);
   });
   const std::uint64_t window = settings.window_samples;

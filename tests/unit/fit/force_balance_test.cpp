@@ -30,6 +30,7 @@ Eigen::MatrixXd by_balance(const ForceBalance& balance, const std::vector<double
         const std::complex<double> term = terms(i, first + static_cast<Eigen::Index>(j));
         const Eigen::Vector2d parts(term.real(), term.imag());
         const auto [linear, derivative] = list[j];
+        if (derivative == velocity_of_term) continue;
         if (derivative == value_of_term) {
           sum.block<2, 1>(2 * i, 0) += p[linear] * parts;
           sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(linear)) += parts;
@@ -46,9 +47,9 @@ Eigen::MatrixXd by_balance(const ForceBalance& balance, const std::vector<double
 template <typename Model>
 void levels_approach_the_reference(const test::ModelPixel& pixel) {
   const std::vector<std::uint64_t> bins = bins_of(pixel.conditions);
-  const Eigen::MatrixXd expected =
-      test::reference_force<Model>(test::ReferenceMotion(bins, pixel.tip_nm), pixel.truth);
-  ForceBalance balance(bins);
+  const Eigen::MatrixXd expected = test::reference_force<Model>(
+      test::ReferenceMotion(bins, pixel.tip_nm, test::paper_delta_f_hz), pixel.truth);
+  ForceBalance balance(bins, test::paper_delta_f_hz);
   balance.set_motion(pixel.tip_nm);
   std::vector<Eigen::MatrixXd> found;
   for (std::size_t level = 0; level < ForceBalance::levels; ++level) {
@@ -78,6 +79,14 @@ TEST(ForceBalance, HertzPhasorsApproachTheReferenceAsTheEstimateSays) {
   for (int i = 0; i < 20; ++i) {
     SCOPED_TRACE(i);
     levels_approach_the_reference<Hertz>(draw.hertz());
+  }
+}
+
+TEST(ForceBalance, KelvinVoigtPhasorsApproachTheReferenceAsTheEstimateSays) {
+  test::RandomPixels draw(14);
+  for (int i = 0; i < 8; ++i) {
+    SCOPED_TRACE(i);
+    levels_approach_the_reference<KelvinVoigt>(draw.kelvin_voigt());
   }
 }
 

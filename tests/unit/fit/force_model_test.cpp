@@ -40,10 +40,13 @@ class EveryModel : public testing::Test {
     return p;
   }
   double distance_nm() { return exponential(1e-3, 1e2); }  // from the surface
+  // Below and above what the paper's cantilever reaches, 4e7 nm/s; either direction.
+  double velocity_nm_per_s() { return exponential(1e5, 1e8) * (uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0); }
 
-  // F and its derivatives as fits put them together from the model's terms.
-  static std::array<double, 1 + count> by_terms(const Parameters& p, double d) {
-    if (d <= p[0]) return sum(p, Model::contact_terms, Model::contact(p.data(), p[0] - d));
+  // F, its derivatives with respect to the parameters and the velocity as fits put them together from the
+  // model's terms.
+  static std::array<double, 2 + count> by_terms(const Parameters& p, double d, double velocity) {
+    if (d <= p[0]) return sum(p, Model::contact_terms, contact_of<Model>(p.data(), p[0] - d, velocity));
     if constexpr (Model::tail_terms.empty())
       return {};
     else
@@ -57,16 +60,16 @@ class EveryModel : public testing::Test {
   double exponential(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
 
   template <std::size_t Terms>
-  static std::array<double, 1 + count> sum(const Parameters& p, const std::array<ModelTerm, Terms>& terms,
+  static std::array<double, 2 + count> sum(const Parameters& p, const std::array<ModelTerm, Terms>& terms,
                                            const std::array<double, Terms>& values) {
-    std::array<double, 1 + count> result{};
+    std::array<double, 2 + count> result{};
     for (std::size_t j = 0; j < Terms; ++j) {
       const auto [linear, derivative] = terms[j];
       if (derivative == value_of_term) {
         result[0] += p[linear] * values[j];
         result[1 + linear] += values[j];
       } else {
-        result[1 + derivative] += p[linear] * values[j];
+        result[derivative == velocity_of_term ? 1 + count : 1 + derivative] += p[linear] * values[j];
       }
     }
     return result;
@@ -81,8 +84,9 @@ TYPED_TEST(EveryModel, TermsAddUpToTheForceAndItsAutomaticDerivatives) {
     const double distance = this->distance_nm(), d = p[0] + (i % 2 == 0 ? distance : -distance);
     std::array<Jet, TypeParam::parameters> jets;
     for (std::size_t k = 0; k < this->count; ++k) jets[k] = Jet(p[k], static_cast<int>(k));
-    const Jet expected = TypeParam::force(jets.data(), Jet(d));
-    const auto terms = this->by_terms(p, d);
+    const double velocity = this->velocity_nm_per_s();
+    const Jet expected = force_of<TypeParam>(jets.data(), Jet(d), velocity);
+    const auto terms = this->by_terms(p, d, velocity);
     // Rounding: p0 - d loses 1e-14 nm of |p0| <= 50 nm, that is 1e-11 of the least distance; adhesion and
     // contact may cancel, hence the scale.
     const double scale = std::abs(expected.a) + std::abs(p[this->count - 2]) + std::abs(p[1]);
@@ -98,15 +102,22 @@ TYPED_TEST(EveryModel, DerivativesAreFiniteDifferences) {
   for (int i = 0; i < 2000; ++i) {
     const auto p = this->parameters();
     const double distance = this->distance_nm(), d = p[0] + (i % 2 == 0 ? distance : -distance);
-    const auto terms = this->by_terms(p, d);
-    for (std::size_t k = 0; k < this->count; ++k) {
+    const double velocity = this->velocity_nm_per_s();
+    const auto terms = this->by_terms(p, d, velocity);
+    for (std::size_t k = 0; k <= this->count; ++k) {
+      const bool of_velocity = k == this->count;
+      if (of_velocity && !DependsOnVelocity<TypeParam>) continue;
       // Steps a hundredth of the scale on which the force changes, which never cross the surface.
-      const double step = 1e-2 * (k == 0 ? distance : std::min(p[k], 1.0 + distance));
+      const double step = 1e-2 * (k == 0        ? distance
+                                  : of_velocity ? std::abs(velocity)
+                                                : std::min(p[k], 1.0 + distance));
       const auto shifted = [&](double steps) {
         auto q = p;
-        q[k] += steps * step;
-        return TypeParam::force(q.data(), d);
+        if (!of_velocity) q[k] += steps * step;
+        return force_of<TypeParam>(q.data(), d, of_velocity ? velocity + steps * step : velocity);
       };
+      // Steps that would cross where a force is clamped say nothing.
+      if ((shifted(-2.0) == 0.0) != (shifted(2.0) == 0.0)) continue;
       const double difference =
           (8.0 * (shifted(1.0) - shifted(-1.0)) - (shifted(2.0) - shifted(-2.0))) / (12.0 * step);
       // Fourth order: (1e-2)^4 times a few, and rounding of F by 1e-15 (1e-11 by p0 - d) over the step.
@@ -122,7 +133,8 @@ TYPED_TEST(EveryModel, IsContinuousAtTheSurface) {
   for (int i = 0; i < 100; ++i) {
     auto p = this->parameters();
     p[0] = 0.0;
-    const double above = TypeParam::force(p.data(), 1e-9), below = TypeParam::force(p.data(), -1e-9);
+    const double above = force_of<TypeParam>(p.data(), 1e-9, 0.0),
+                 below = force_of<TypeParam>(p.data(), -1e-9, 0.0);
     // Slopes of at most 2 p2/p3 <= 2e4 nN/nm over 2e-9 nm.
     EXPECT_NEAR(above, below, 1e-4 * (1.0 + std::abs(above)));
     if (TypeParam::tail_terms.empty()) {
@@ -145,6 +157,30 @@ TEST(Dmt, IsThePapersEquation16) {
   EXPECT_DOUBLE_EQ(Dmt::force(p.data(), -39.5), -5.0 / 4.0);
   EXPECT_DOUBLE_EQ(Dmt::force(p.data(), -38.5), -5.0 / 16.0);
   EXPECT_DOUBLE_EQ(Dmt::tail_length(p.data()), 0.5);
+}
+
+TEST(Cone, IsSneddonsForce) {
+  const std::array<double, 2> p{-40.0, 0.5};
+  EXPECT_DOUBLE_EQ(Cone::force(p.data(), -44.0), 0.5 * 16.0);
+  EXPECT_EQ(Cone::force(p.data(), -40.0), 0.0);
+}
+
+TEST(FlatPunch, IsSneddonsForce) {
+  const std::array<double, 2> p{-40.0, 0.5};
+  EXPECT_DOUBLE_EQ(FlatPunch::force(p.data(), -44.0), 0.5 * 4.0);
+  EXPECT_EQ(FlatPunch::force(p.data(), -40.0), 0.0);
+}
+
+TEST(KelvinVoigt, IsHertzAtRestStifferGoingInAndLetsGoGoingOut) {
+  const std::array<double, 3> p{-40.0, 2.0, 0.1};
+  EXPECT_DOUBLE_EQ(KelvinVoigt::force(p.data(), -44.0, 0.0), 2.0 * 8.0);
+  // 10 nm/us inwards: 3/2 * 0.1 us * 2 nm^(1/2) * 10 nm/us = 3 nm^(3/2) more.
+  EXPECT_DOUBLE_EQ(KelvinVoigt::force(p.data(), -44.0, -10e6), 2.0 * (8.0 + 3.0));
+  EXPECT_DOUBLE_EQ(KelvinVoigt::force(p.data(), -44.0, 10e6), 2.0 * (8.0 - 3.0));
+  EXPECT_EQ(KelvinVoigt::force(p.data(), -44.0, 40e6), 0.0);  // 4 nm < 3/2 * 0.1 us * 40 nm/us
+  EXPECT_EQ(KelvinVoigt::force(p.data(), -39.0, -10e6), 0.0);
+  EXPECT_EQ(model_force(find_model("kelvin_voigt"), p, -44.0, -10e6),
+            KelvinVoigt::force(p.data(), -44.0, -10e6));
 }
 
 TEST(ForceModels, AreFoundByNameAndDescribeThemselves) {

@@ -13,6 +13,7 @@
 
 #include "fit/dmt.hpp"
 #include "fit/hertz.hpp"
+#include "fit/kelvin_voigt.hpp"
 #include "tests/unit/fit/paper_cantilever.hpp"
 #include "tests/unit/fit/reference_force.hpp"
 
@@ -38,7 +39,7 @@ inline Phasors free_response_of(const FitConditions& conditions, const Phasors& 
 
 template <typename Model>
 ModelPixel pixel_of(const std::vector<std::uint64_t>& bins, Phasors tip_nm, std::vector<double> truth) {
-  const Phasors forces = reference_phasors<Model>(ReferenceMotion(bins, tip_nm), truth);
+  const Phasors forces = reference_phasors<Model>(ReferenceMotion(bins, tip_nm, paper_delta_f_hz), truth);
   FitConditions conditions = paper_conditions(std::string(Model::model.name), bins, {});
   conditions.free_response->mean_nm = free_response_of(conditions, tip_nm, forces);
   return {std::move(conditions), std::move(tip_nm), std::move(truth)};
@@ -60,12 +61,24 @@ class RandomPixels {
     return pixel_of<Dmt>(bins, std::move(tones), std::move(truth));
   }
 
-  ModelPixel hertz() {
+  ModelPixel hertz() { return contact<Hertz>(); }
+
+  // At two tones p1 and p2 are hardly told apart: four, as for DMT.
+  ModelPixel kelvin_voigt() {
+    const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
+    const std::vector<double> stiffnesses{4.0, 78.5, 366.0, 1330.0};
+    Phasors tones = draw_tones(stiffnesses);
+    std::vector<double> truth{uniform(-43.0, -37.0), uniform(0.4, 2.5), uniform(0.01, 0.2)};
+    return pixel_of<KelvinVoigt>(bins, std::move(tones), std::move(truth));
+  }
+
+  // Two parameters, two tones.
+  template <typename Model>
+  ModelPixel contact() {
     const std::vector<std::uint64_t> bins{234, 1348};
     const std::vector<double> stiffnesses{4.0, 78.5};
     Phasors tones = draw_tones(stiffnesses);
-    std::vector<double> truth{uniform(-43.0, -37.0), uniform(0.4, 2.5)};
-    return pixel_of<Hertz>(bins, std::move(tones), std::move(truth));
+    return pixel_of<Model>(bins, std::move(tones), {uniform(-43.0, -37.0), uniform(0.4, 2.5)});
   }
 
   // Two drive tones in the first mode's resonance and the products that contact makes of them, as many tones

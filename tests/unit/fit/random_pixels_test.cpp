@@ -8,6 +8,8 @@
 #include <limits>
 #include <map>
 
+#include "fit/cone.hpp"
+#include "fit/flat_punch.hpp"
 #include "tests/unit/fit/random_pixel.hpp"
 
 namespace combforce::test {
@@ -78,6 +80,24 @@ TEST(RandomPixels, HertzAtTwoTonesGivesTheTruth) {
   EXPECT_EQ(tally.count(FitStatus::not_converged), 0U);
   // Of the draws nine in ten determine both parameters to 30 %.
   EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.7 * pixels));
+}
+
+TEST(RandomPixels, KelvinVoigtAtFourTonesGivesTheTruthOrSaysSo) {
+  RandomPixels draw(seeds);
+  const Tally tally = fit_all(pixels, [&] { return draw.kelvin_voigt(); });
+  EXPECT_TRUE(tally.wrong.empty());
+  EXPECT_LE(tally.count(FitStatus::not_converged), static_cast<std::size_t>(0.02 * pixels));
+  EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.7 * pixels));
+}
+
+TEST(RandomPixels, ConeAndFlatPunchAtTwoTonesGiveTheTruth) {
+  RandomPixels draw(seeds);
+  for (const Tally& tally : {fit_all(pixels / 2, [&] { return draw.contact<Cone>(); }),
+                             fit_all(pixels / 2, [&] { return draw.contact<FlatPunch>(); })}) {
+    EXPECT_TRUE(tally.wrong.empty());
+    EXPECT_EQ(tally.count(FitStatus::not_converged), 0U);
+    EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.35 * pixels));
+  }
 }
 
 TEST(RandomPixels, DmtAtFourTonesGivesTheTruthOrSaysSo) {

@@ -23,7 +23,7 @@ double root(const Function& function, double a, double b) {
 }  // namespace
 
 ReferenceMotion::ReferenceMotion(std::span<const std::uint64_t> bins,
-                                 std::span<const std::complex<double>> tones_nm)
+                                 std::span<const std::complex<double>> tones_nm, double spacing_hz)
     : tones_(tones_nm.begin(), tones_nm.end()) {
   std::uint64_t divisor = 0, highest = 0;
   for (const std::uint64_t bin : bins) divisor = std::gcd(divisor, bin);
@@ -31,6 +31,7 @@ ReferenceMotion::ReferenceMotion(std::span<const std::uint64_t> bins,
     highest = std::max(highest, bin / divisor);
     frequencies_.push_back(2.0 * std::numbers::pi * static_cast<double>(bin / divisor));
   }
+  periods_per_s_ = static_cast<double>(divisor) * spacing_hz;
   const std::uint64_t steps = 16 * highest;
   const auto d_slope = [this](double t) { return slope(t); };
   double before = 0.0, slope_before = slope(before);
@@ -95,14 +96,15 @@ void ReferenceMotion::add(double begin, double end, double tolerance, int depth,
   Eigen::VectorXd basis(sum.rows());
   Eigen::RowVectorXd values(sum.cols());
   const auto node = [&](double t, double kronrod_weight, double gauss_weight) {
-    double d = 0.0;
+    double d = 0.0, rate = 0.0;
     for (std::size_t i = 0; i < tones_.size(); ++i) {
       const double phase = frequencies_[i] * t, cosine = std::cos(phase), sine = std::sin(phase);
       d += tones_[i].real() * cosine - tones_[i].imag() * sine;
+      rate -= frequencies_[i] * (tones_[i].real() * sine + tones_[i].imag() * cosine);
       basis(static_cast<Eigen::Index>(2 * i)) = cosine;
       basis(static_cast<Eigen::Index>(2 * i + 1)) = -sine;
     }
-    functions(d, {values.data(), static_cast<std::size_t>(values.size())});
+    functions(d, rate * periods_per_s_, {values.data(), static_cast<std::size_t>(values.size())});
     kronrod.noalias() += (2.0 * half * kronrod_weight) * basis * values;
     gauss.noalias() += (2.0 * half * gauss_weight) * basis * values;
   };

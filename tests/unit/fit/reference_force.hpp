@@ -15,14 +15,18 @@
 #include <span>
 #include <vector>
 
+#include "fit/force_model.hpp"
+
 namespace combforce::test {
 
 class ReferenceMotion {
  public:
-  // Functions of d to integrate: writes one value a column.
-  using Integrand = std::function<void(double d_nm, std::span<double> values)>;
+  // Functions of d and its velocity to integrate: writes one value a column.
+  using Integrand = std::function<void(double d_nm, double velocity_nm_per_s, std::span<double> values)>;
 
-  ReferenceMotion(std::span<const std::uint64_t> bins, std::span<const std::complex<double>> tones_nm);
+  // `spacing_hz`: of the bins; 0: all velocities are 0.
+  ReferenceMotion(std::span<const std::uint64_t> bins, std::span<const std::complex<double>> tones_nm,
+                  double spacing_hz = 0.0);
 
   double at(double period) const;     // d, nm; time in periods of the motion
   double slope(double period) const;  // nm a period
@@ -37,6 +41,7 @@ class ReferenceMotion {
   void add(double begin, double end, double tolerance, int depth, const Integrand& functions,
            Eigen::MatrixXd& sum) const;
 
+  double periods_per_s_ = 0.0;
   std::vector<double> frequencies_;  // rad a period
   std::vector<std::complex<double>> tones_;
   std::vector<double> cuts_;  // 0, turning points, 1
@@ -49,8 +54,8 @@ Eigen::MatrixXd reference_force(const ReferenceMotion& motion, std::span<const d
   using Jet = ceres::Jet<double, static_cast<int>(Model::parameters)>;
   std::array<Jet, Model::parameters> jets;
   for (std::size_t k = 0; k < jets.size(); ++k) jets[k] = Jet(p[k], static_cast<int>(k));
-  const auto force_and_derivatives = [&](double d, std::span<double> values) {
-    const Jet force = Model::force(jets.data(), Jet(d));
+  const auto force_and_derivatives = [&](double d, double velocity, std::span<double> values) {
+    const Jet force = force_of<Model>(jets.data(), Jet(d), velocity);
     values[0] = force.a;
     std::copy_n(force.v.data(), Model::parameters, values.begin() + 1);
   };
@@ -61,8 +66,10 @@ Eigen::MatrixXd reference_force(const ReferenceMotion& motion, std::span<const d
 template <typename Model>
 std::vector<std::complex<double>> reference_phasors(const ReferenceMotion& motion,
                                                     std::span<const double> p) {
-  const Eigen::MatrixXd sum = motion.integrate(
-      p[0], 1, [&](double d, std::span<double> values) { values[0] = Model::force(p.data(), d); });
+  const Eigen::MatrixXd sum =
+      motion.integrate(p[0], 1, [&](double d, double velocity, std::span<double> values) {
+        values[0] = force_of<Model>(p.data(), d, velocity);
+      });
   std::vector<std::complex<double>> phasors;
   for (Eigen::Index row = 0; row < sum.rows(); row += 2) phasors.emplace_back(sum(row, 0), sum(row + 1, 0));
   return phasors;

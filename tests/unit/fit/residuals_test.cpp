@@ -19,8 +19,10 @@ class ResidualsOf {
   using Coordinates = typename Residuals<Model>::Coordinates;
 
   ResidualsOf(const test::ModelPixel& pixel, std::array<Bounds, Model::parameters> bounds)
-      : tones_(pixel.tip_nm.size()), balance_(bins(pixel)), residuals_(balance_, tones_) {
-    const test::ReferenceMotion motion(bins(pixel), pixel.tip_nm);
+      : tones_(pixel.tip_nm.size()),
+        balance_(bins(pixel), test::paper_delta_f_hz),
+        residuals_(balance_, tones_) {
+    const test::ReferenceMotion motion(bins(pixel), pixel.tip_nm, test::paper_delta_f_hz);
     forces_ = test::reference_phasors<Model>(motion, pixel.truth);
     for (std::size_t i = 0; i < tones_; ++i) weights_.push_back(1.0 + static_cast<double>(i));
     balance_.set_motion(pixel.tip_nm);
@@ -104,6 +106,16 @@ TEST(Residuals, DmtJacobianIsFiniteDifferences) {
     SCOPED_TRACE(i);
     const test::ModelPixel pixel = draw.dmt();
     ResidualsOf<Dmt> residuals(pixel, bounds_about<Dmt>(pixel));
+    expect_jacobian_is_finite_differences(residuals, pixel);
+  }
+}
+
+TEST(Residuals, KelvinVoigtJacobianIsFiniteDifferences) {
+  test::RandomPixels draw(26);
+  for (int i = 0; i < 10; ++i) {
+    SCOPED_TRACE(i);
+    const test::ModelPixel pixel = draw.kelvin_voigt();
+    ResidualsOf<KelvinVoigt> residuals(pixel, bounds_about<KelvinVoigt>(pixel));
     expect_jacobian_is_finite_differences(residuals, pixel);
   }
 }
