@@ -37,6 +37,12 @@ concept DependsOnVelocity = requires(const double* p) {
   Model::contact(p, 0.0, 0.0);
 };
 
+// Models whose force has a pole at the surface: the tip stays above it.
+template <typename Model>
+concept StaysAboveSurface = requires {
+  Model::least_height_nm;
+};
+
 template <typename Model, typename T>
 T force_of(const T* p, const T& d, double velocity_nm_per_s) {
   if constexpr (DependsOnVelocity<Model>)

@@ -13,6 +13,7 @@
 //                     Where the force depends on the tip's velocity (kelvin_voigt.hpp), force() and contact()
 //                     take it last, nm/s, and lag_s() says from where on the force is clamped at 0.
 //   tail_length()     in the tail the force is analytic in d but for a pole no closer than this below p0.
+//   least_height_nm   where the force has a pole at p0 itself (lennard_jones.hpp), it is constant below this.
 //   shapes            start values of the nonlinear parameters but p0 (the other entries are not used).
 // p[0] is always the surface position, the only place where F or its derivatives may jump; in contact F may
 // behave as (p0 - d)^(3/2) there.

@@ -41,7 +41,8 @@ class ModelFitter {
         differences_(static_cast<Eigen::Index>(2 * tones)),
         finer_(static_cast<Eigen::Index>(2 * tones)),
         bounds_(bounds.begin(), bounds.end()),
-        in_force_(bounds_) {
+        in_force_(bounds_),
+        beyond_paper_(bounds_) {
     // The solver sizes its workspace when it is first called: here, not at the first pixel.
     residuals_.set_bounds(in_force_);
     x_.setZero();
@@ -69,7 +70,7 @@ class ModelFitter {
     if (refined_) {
       std::array<Parameters, StartValues::dispersed_depths> further;
       if (start.empty()) starts_.template dispersed<Model>(measured.phasors(), weights, in_force_, further);
-      refined_->fit(measured, tones, whitening, in_force_, std::span(minima).first(found),
+      refined_->fit(measured, tones, whitening, beyond_paper_, std::span(minima).first(found),
                     std::span(further).first(start.empty() ? further.size() : 0), result);
     } else {
       fit_paper(std::span(minima).first(found), measured, weights, whitening, start.empty(), result);
@@ -116,6 +117,9 @@ class ModelFitter {
     in_force_ = bounds_;
     in_force_[0] = {std::max(bounds_[0].lower, lowest - span), std::min(bounds_[0].upper, highest + span)};
     if (!(in_force_[0].lower < in_force_[0].upper)) in_force_[0] = bounds_[0];
+    beyond_paper_ = in_force_;
+    if constexpr (StaysAboveSurface<Model>)  // the partial motion does; the whole one is not known yet
+      in_force_[0].upper = std::min(in_force_[0].upper, lowest - Model::least_height_nm);
     residuals_.set_bounds(in_force_);
   }
 
@@ -325,7 +329,7 @@ class ModelFitter {
   typename Solver::Parameters x_;
   Eigen::MatrixXd jacobian_;
   Eigen::VectorXd differences_, finer_;
-  std::vector<Bounds> bounds_, in_force_;  // as set, and for this motion
+  std::vector<Bounds> bounds_, in_force_, beyond_paper_;  // as set, and for this motion
   std::optional<RefinedFit<Model>> refined_;
   std::uint32_t iterations_ = 0;
 };

@@ -10,11 +10,12 @@
 #include "fit/force_model.hpp"
 #include "fit/hertz.hpp"
 #include "fit/kelvin_voigt.hpp"
+#include "fit/lennard_jones.hpp"
 
 namespace combforce {
 
 // A new model is a header and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt>;
+using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones>;
 
 // Calls function(Model{}) for the model that `info` describes and returns what it returns.
 template <typename Function, std::size_t Index = 0>

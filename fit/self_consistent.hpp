@@ -106,7 +106,7 @@ class SelfConsistentFit {
       } else if (is_small(step, best_)) {
         solution.converged = true;
         break;
-      } else if (++watched > watch) {
+      } else if (++watched > watch || !std::isfinite(current_.cost)) {
         damping = std::max(30.0 * damping, least_damping);
         watched = 0;
       }

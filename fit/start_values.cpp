@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace combforce {
 
@@ -17,12 +16,6 @@ StartValues::StartValues(const Motion& motion, double velocity_per_slope)
       fine_(equidistant(motion, 24)),
       medium_(equidistant(motion, 8)),
       coarse_(equidistant(motion, 2)) {}
-
-// Depths grow geometrically from 0.1 % of the motion's span to half of it.
-double StartValues::depth(std::size_t index) const {
-  const double share = static_cast<double>(index) / (depths - 1);
-  return span_ * 1e-3 * std::pow(500.0, share);
-}
 
 void StartValues::set_motion(const Motion& motion) {
   constexpr double last = bins - 1;
@@ -65,10 +58,10 @@ void StartValues::add_samples(const Motion::Polynomial& c, const Samples& sample
     const std::size_t bin = first + std::min(static_cast<std::size_t>(place), bins - 2);
     const double share = std::clamp((d - d_[bin]) / (d_[bin + 1] - d_[bin]), 0.0, 1.0);
     const double time = 1.0 / static_cast<double>(samples.places.size());
-    for (const auto& [at, part] : {std::pair{bin, 1.0 - share}, {bin + 1, share}}) {
-      time_[at] += part * time;
-      velocity_[at] += part * time * slope;
-    }
+    time_[bin] += (1.0 - share) * time;
+    time_[bin + 1] += share * time;
+    velocity_[bin] += (1.0 - share) * time * slope;
+    velocity_[bin + 1] += share * time * slope;
     double* lower = histogram_.col(static_cast<Eigen::Index>(bin)).data();
     double* upper = histogram_.col(static_cast<Eigen::Index>(bin + 1)).data();
     for (std::size_t i = 0; i < centre_.size(); ++i, ++local) {

@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <complex>
 #include <cstddef>
 #include <limits>
@@ -73,7 +74,8 @@ class StartValues {
   static Samples equidistant(const Motion& motion, std::size_t count);
   void add_samples(const Motion::Polynomial& c, const Samples& samples);
 
-  double depth(std::size_t index) const;
+  template <typename Model>
+  double surface(double shallowest, std::size_t index, std::size_t count) const;
   template <typename Model>
   Candidate<Model> candidate(const std::array<double, Model::parameters>& shape, double p0,
                              std::span<const std::complex<double>> forces, std::span<const double> weights,
@@ -95,6 +97,17 @@ class StartValues {
   std::vector<std::complex<double>> centre_;
   Samples fine_, medium_, coarse_;
 };
+
+// Number `index` of `count` surface positions: depths from `shallowest` of the motion's span to half of it,
+// or heights where the tip stays above the surface.
+template <typename Model>
+double StartValues::surface(double shallowest, std::size_t index, std::size_t count) const {
+  const double share = static_cast<double>(index) / static_cast<double>(count - 1);
+  if constexpr (StaysAboveSurface<Model>)
+    return lowest_ - 2.0 * Model::least_height_nm * std::pow(100.0, share);
+  else
+    return lowest_ + span_ * shallowest * std::pow(0.5 / shallowest, share);
+}
 
 // With f the measured forces and B the model's phasors a unit of each linear parameter, minimises |W(B a -
 // f)|^2.
@@ -151,7 +164,7 @@ std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std:
   std::array<Candidate<Model>, depths> profile;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < depths; i += stride) {
-    profile[i] = best_shape<Model>(lowest_ + depth(i), 0, shapes, forces, weights, bounds);
+    profile[i] = best_shape<Model>(surface<Model>(1e-3, i, depths), 0, shapes, forces, weights, bounds);
     least = std::min(least, profile[i].error);
   }
   for (std::size_t i = 0; i + stride < depths; i += stride) {
@@ -160,7 +173,7 @@ std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std:
     const std::size_t first = std::max<std::size_t>(std::min(left.shape, right.shape), 1) - 1;
     const std::size_t last = std::min(std::max(left.shape, right.shape) + 2, shapes);
     for (std::size_t j = i + 1; j < i + stride; ++j)
-      profile[j] = best_shape<Model>(lowest_ + depth(j), first, last, forces, weights, bounds);
+      profile[j] = best_shape<Model>(surface<Model>(1e-3, j, depths), first, last, forces, weights, bounds);
   }
   std::array<Candidate<Model>, most> best;
   for (std::size_t i = 0; i < depths; ++i) {
@@ -186,8 +199,8 @@ void StartValues::dispersed(std::span<const std::complex<double>> forces, std::s
                             std::span<std::array<double, Model::parameters>, dispersed_depths> starts) {
   const auto& middle = Model::shapes[Model::shapes.size() / 2];
   for (std::size_t i = 0; i < dispersed_depths; ++i) {
-    const double depth = span_ * 5e-3 * std::pow(100.0, static_cast<double>(i) / (dispersed_depths - 1));
-    starts[i] = candidate<Model>(middle, lowest_ + depth, forces, weights, bounds).p;
+    starts[i] =
+        candidate<Model>(middle, surface<Model>(5e-3, i, dispersed_depths), forces, weights, bounds).p;
   }
 }
 

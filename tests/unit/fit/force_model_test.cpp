@@ -39,7 +39,10 @@ class EveryModel : public testing::Test {
     }
     return p;
   }
-  double distance_nm() { return exponential(1e-3, 1e2); }  // from the surface
+  // From the surface; where the force has a pole there, where tips are.
+  double distance_nm() { return exponential(StaysAboveSurface<Model> ? 0.1 : 1e-3, 1e2); }
+  // On which forces change, of the distance.
+  static constexpr double smooth_share = StaysAboveSurface<Model> ? 0.1 : 1.0;
   // Below and above what the paper's cantilever reaches, 4e7 nm/s; either direction.
   double velocity_nm_per_s() { return exponential(1e5, 1e8) * (uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0); }
 
@@ -108,9 +111,10 @@ TYPED_TEST(EveryModel, DerivativesAreFiniteDifferences) {
       const bool of_velocity = k == this->count;
       if (of_velocity && !DependsOnVelocity<TypeParam>) continue;
       // Steps a hundredth of the scale on which the force changes, which never cross the surface.
-      const double step = 1e-2 * (k == 0        ? distance
-                                  : of_velocity ? std::abs(velocity)
-                                                : std::min(p[k], 1.0 + distance));
+      const double step = 1e-2 * this->smooth_share *
+                          (k == 0        ? distance
+                           : of_velocity ? std::abs(velocity)
+                                         : std::min(p[k], 1.0 + distance));
       const auto shifted = [&](double steps) {
         auto q = p;
         if (!of_velocity) q[k] += steps * step;
@@ -130,6 +134,7 @@ TYPED_TEST(EveryModel, DerivativesAreFiniteDifferences) {
 
 // A side of the surface on which a model lists no term has no force.
 TYPED_TEST(EveryModel, IsContinuousAtTheSurface) {
+  if (StaysAboveSurface<TypeParam>) GTEST_SKIP() << "a pole";
   for (int i = 0; i < 100; ++i) {
     auto p = this->parameters();
     p[0] = 0.0;
@@ -169,6 +174,16 @@ TEST(FlatPunch, IsSneddonsForce) {
   const std::array<double, 2> p{-40.0, 0.5};
   EXPECT_DOUBLE_EQ(FlatPunch::force(p.data(), -44.0), 0.5 * 4.0);
   EXPECT_EQ(FlatPunch::force(p.data(), -40.0), 0.0);
+}
+
+// F = 0 where z^6 = sigma^6/30; the deepest well, where 8 sigma^6/30 = 2 z^6, is 3/4 of -1/z^2 deep.
+TEST(LennardJones, HasItsZeroAndItsWellWhereTheFormulaSays) {
+  const std::array<double, 3> p{-40.0, 0.2, 0.34};
+  const double zero = 0.34 / std::pow(30.0, 1.0 / 6.0), well = zero * std::pow(4.0, 1.0 / 6.0);
+  EXPECT_NEAR(LennardJones::force(p.data(), -40.0 + zero), 0.0, 1e-9);
+  EXPECT_NEAR(LennardJones::force(p.data(), -40.0 + well), -0.75 * 0.2 / (well * well), 1e-9);
+  EXPECT_LT(LennardJones::force(p.data(), -40.0 + 1.01 * well), 0.0);
+  EXPECT_GT(LennardJones::force(p.data(), -41.0), 1e6);
 }
 
 TEST(KelvinVoigt, IsHertzAtRestStifferGoingInAndLetsGoGoingOut) {

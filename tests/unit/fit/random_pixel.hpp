@@ -14,6 +14,7 @@
 #include "fit/dmt.hpp"
 #include "fit/hertz.hpp"
 #include "fit/kelvin_voigt.hpp"
+#include "fit/lennard_jones.hpp"
 #include "tests/unit/fit/paper_cantilever.hpp"
 #include "tests/unit/fit/reference_force.hpp"
 
@@ -70,6 +71,16 @@ class RandomPixels {
     Phasors tones = draw_tones(stiffnesses);
     std::vector<double> truth{uniform(-43.0, -37.0), uniform(0.4, 2.5), uniform(0.01, 0.2)};
     return pixel_of<KelvinVoigt>(bins, std::move(tones), std::move(truth));
+  }
+
+  // Turning points between zero force and some ten nanonewtons of repulsion.
+  ModelPixel lennard_jones() {
+    const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
+    const std::vector<double> stiffnesses{4.0, 78.5, 366.0, 1330.0};
+    Phasors tones = draw_tones(stiffnesses);
+    const double sigma = uniform(0.25, 0.5), height = uniform(0.5, 0.6) * sigma;
+    std::vector<double> truth{ReferenceMotion(bins, tones).lowest_nm() - height, uniform(0.05, 0.5), sigma};
+    return pixel_of<LennardJones>(bins, std::move(tones), std::move(truth));
   }
 
   // Two parameters, two tones.
