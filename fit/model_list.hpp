@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "fit/cone.hpp"
+#include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
 #include "fit/flat_punch.hpp"
 #include "fit/force_model.hpp"
@@ -15,7 +16,7 @@
 namespace combforce {
 
 // A new model is a header and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones>;
+using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo>;
 
 // Calls function(Model{}) for the model that `info` describes and returns what it returns.
 template <typename Function, std::size_t Index = 0>

@@ -43,13 +43,13 @@ TEST_P(ForceModelPixels, ComeBackFromTheirTones) {
       << ::testing::PrintToString(result.parameters);
 }
 
-INSTANTIATE_TEST_SUITE_P(Models, ForceModelPixels,
-                         ::testing::Values(Surface{"cone", {-40.0, 0.3}}, Surface{"cone", {-35.0, 2.0}},
-                                           Surface{"flat_punch", {-40.0, 2.0}},
-                                           Surface{"flat_punch", {-43.0, 10.0}},
-                                           Surface{"kelvin_voigt", {-40.0, 1.0, 0.02}},
-                                           Surface{"kelvin_voigt", {-38.0, 2.0, 0.1}},
-                                           Surface{"kelvin_voigt", {-42.0, 0.5, 0.5}}));
+INSTANTIATE_TEST_SUITE_P(
+    Models, ForceModelPixels,
+    ::testing::Values(Surface{"cone", {-40.0, 0.3}}, Surface{"cone", {-35.0, 2.0}},
+                      Surface{"flat_punch", {-40.0, 2.0}}, Surface{"flat_punch", {-43.0, 10.0}},
+                      Surface{"kelvin_voigt", {-40.0, 1.0, 0.02}}, Surface{"kelvin_voigt", {-38.0, 2.0, 0.1}},
+                      Surface{"kelvin_voigt", {-42.0, 0.5, 0.5}},
+                      Surface{"lennard_jones", {-46.0, 0.2, 0.34}}, Surface{"dlvo", {-42.0, 2.0, 3.0, 1.0}}));
 
 // Mean of -F velocity over a settled window, fW, from the simulator's own motion: nothing of the fit's.
 double dissipated_fw(const SimulatedPixels& pixels, const Surface& surface) {

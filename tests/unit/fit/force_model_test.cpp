@@ -10,6 +10,7 @@
 #include <cmath>
 #include <random>
 #include <stdexcept>
+#include <type_traits>
 
 #include "fit/model_list.hpp"
 
@@ -39,10 +40,18 @@ class EveryModel : public testing::Test {
     }
     return p;
   }
-  // From the surface; where the force has a pole there, where tips are.
-  double distance_nm() { return exponential(StaysAboveSurface<Model> ? 0.1 : 1e-3, 1e2); }
+  // From the surface, where tips are: above a pole, not far below where a force grows exponentially.
+  double distance_nm([[maybe_unused]] const Parameters& p) {
+    const double distance = exponential(StaysAboveSurface<Model> ? 0.1 : 1e-3, 1e2);
+    if constexpr (std::is_same_v<Model, Dlvo>)
+      return std::min(distance, 20.0 * p[2]);
+    else
+      return distance;
+  }
   // On which forces change, of the distance.
-  static constexpr double smooth_share = StaysAboveSurface<Model> ? 0.1 : 1.0;
+  static constexpr double smooth_share = StaysAboveSurface<Model>      ? 0.1
+                                         : std::is_same_v<Model, Dlvo> ? 0.03
+                                                                       : 1.0;
   // Below and above what the paper's cantilever reaches, 4e7 nm/s; either direction.
   double velocity_nm_per_s() { return exponential(1e5, 1e8) * (uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0); }
 
@@ -84,7 +93,7 @@ TYPED_TEST(EveryModel, TermsAddUpToTheForceAndItsAutomaticDerivatives) {
   using Jet = ceres::Jet<double, static_cast<int>(TypeParam::parameters)>;
   for (int i = 0; i < 2000; ++i) {
     const auto p = this->parameters();
-    const double distance = this->distance_nm(), d = p[0] + (i % 2 == 0 ? distance : -distance);
+    const double distance = this->distance_nm(p), d = p[0] + (i % 2 == 0 ? distance : -distance);
     std::array<Jet, TypeParam::parameters> jets;
     for (std::size_t k = 0; k < this->count; ++k) jets[k] = Jet(p[k], static_cast<int>(k));
     const double velocity = this->velocity_nm_per_s();
@@ -104,7 +113,7 @@ TYPED_TEST(EveryModel, TermsAddUpToTheForceAndItsAutomaticDerivatives) {
 TYPED_TEST(EveryModel, DerivativesAreFiniteDifferences) {
   for (int i = 0; i < 2000; ++i) {
     const auto p = this->parameters();
-    const double distance = this->distance_nm(), d = p[0] + (i % 2 == 0 ? distance : -distance);
+    const double distance = this->distance_nm(p), d = p[0] + (i % 2 == 0 ? distance : -distance);
     const double velocity = this->velocity_nm_per_s();
     const auto terms = this->by_terms(p, d, velocity);
     for (std::size_t k = 0; k <= this->count; ++k) {
@@ -184,6 +193,13 @@ TEST(LennardJones, HasItsZeroAndItsWellWhereTheFormulaSays) {
   EXPECT_NEAR(LennardJones::force(p.data(), -40.0 + well), -0.75 * 0.2 / (well * well), 1e-9);
   EXPECT_LT(LennardJones::force(p.data(), -40.0 + 1.01 * well), 0.0);
   EXPECT_GT(LennardJones::force(p.data(), -41.0), 1e6);
+}
+
+TEST(Dlvo, IsTheRepulsionLessTheAttraction) {
+  const std::array<double, 4> p{-40.0, 2.0, 1.5, 3.0};
+  EXPECT_DOUBLE_EQ(Dlvo::force(p.data(), -40.0), 2.0 - 3.0);
+  EXPECT_DOUBLE_EQ(Dlvo::force(p.data(), -38.5), 2.0 / std::exp(1.0) - 3.0 * std::pow(0.165 / 1.665, 2));
+  EXPECT_DOUBLE_EQ(Dlvo::force(p.data(), -41.5), 2.0 * std::exp(1.0) - 3.0);
 }
 
 TEST(KelvinVoigt, IsHertzAtRestStifferGoingInAndLetsGoGoingOut) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
 #include "fit/hertz.hpp"
 #include "fit/kelvin_voigt.hpp"
@@ -71,6 +72,17 @@ class RandomPixels {
     Phasors tones = draw_tones(stiffnesses);
     std::vector<double> truth{uniform(-43.0, -37.0), uniform(0.4, 2.5), uniform(0.01, 0.2)};
     return pixel_of<KelvinVoigt>(bins, std::move(tones), std::move(truth));
+  }
+
+  // Debye lengths of 1 to 100 mmol/l; the tip comes some of them below closest approach.
+  ModelPixel dlvo() {
+    const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
+    const std::vector<double> stiffnesses{4.0, 78.5, 366.0, 1330.0};
+    Phasors tones = draw_tones(stiffnesses);
+    const double debye = uniform(1.0, 5.0);
+    std::vector<double> truth{ReferenceMotion(bins, tones).lowest_nm() + uniform(0.5, 1.5) * debye,
+                              uniform(1.0, 5.0), debye, uniform(0.5, 3.0)};
+    return pixel_of<Dlvo>(bins, std::move(tones), std::move(truth));
   }
 
   // Turning points between zero force and some ten nanonewtons of repulsion.
