@@ -103,6 +103,7 @@ void validate(const FitConditions& conditions) {
   if (conditions.free_response) validate_free_response(*conditions.free_response, tones);
   if (conditions.noise) validate(*conditions.noise, tones);
   validate_bounds(conditions.settings);
+  if (conditions.settings.tip) validate(*conditions.settings.tip);
   validate_weighting(conditions);
 }
 

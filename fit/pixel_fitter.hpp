@@ -16,6 +16,7 @@
 #include "fit/fit_result.hpp"
 #include "fit/force_model.hpp"
 #include "fit/free_response.hpp"
+#include "fit/material.hpp"
 #include "fit/noise.hpp"
 
 namespace combforce {
@@ -37,6 +38,7 @@ struct FitSettings {
   // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;
   std::vector<ParameterBounds> bounds;  // override the model's own
+  std::optional<TipGeometry> tip{};     // from which material parameters follow; does not change the fit
 
   bool operator==(const FitSettings&) const = default;
 };

@@ -106,6 +106,36 @@ std::vector<double> decode_covariance(const JsonView& view, std::size_t order) {
   return matrix;
 }
 
+TipGeometry decode_tip(const JsonView& view, UnknownKeys unknown) {
+  check_keys(
+      view, unknown,
+      {"radius_nm", "half_angle_deg", "sample_poisson_ratio", "tip_young_modulus_gpa", "tip_poisson_ratio"});
+  TipGeometry tip;
+  const auto read = [&](std::string_view key, std::optional<double>& value) {
+    if (const auto member = view.find(key)) value = member->number();
+  };
+  read("radius_nm", tip.radius_nm);
+  read("half_angle_deg", tip.half_angle_deg);
+  read("sample_poisson_ratio", tip.sample_poisson_ratio);
+  read("tip_young_modulus_gpa", tip.tip_young_modulus_gpa);
+  tip.tip_poisson_ratio = number_or(view, "tip_poisson_ratio", tip.tip_poisson_ratio);
+  try {
+    validate(tip);
+  } catch (const std::invalid_argument& error) {
+    view.fail(error.what());
+  }
+  return tip;
+}
+
+Json encode_tip(const TipGeometry& tip) {
+  Json object{{"tip_poisson_ratio", tip.tip_poisson_ratio}};
+  if (tip.radius_nm) object["radius_nm"] = *tip.radius_nm;
+  if (tip.half_angle_deg) object["half_angle_deg"] = *tip.half_angle_deg;
+  if (tip.sample_poisson_ratio) object["sample_poisson_ratio"] = *tip.sample_poisson_ratio;
+  if (tip.tip_young_modulus_gpa) object["tip_young_modulus_gpa"] = *tip.tip_young_modulus_gpa;
+  return object;
+}
+
 ParameterBounds decode_bounds(const JsonView& bounds, const std::string& parameter, const ModelInfo& model) {
   const auto view = bounds.get(parameter);
   const auto known = [&](const ParameterInfo& info) { return info.name == parameter; };
@@ -219,7 +249,7 @@ Noise decode_noise(const JsonView& view, UnknownKeys unknown) {
 }
 
 FitSettings decode_fit(const JsonView& view, UnknownKeys unknown) {
-  check_keys(view, unknown, {"model", "refine", "weighting", "bounds"});
+  check_keys(view, unknown, {"model", "refine", "weighting", "bounds", "tip"});
   constexpr std::uint64_t most_refinements = 100;
   FitSettings fit;
   if (const auto model = view.find("model")) fit.model = model->string();
@@ -238,6 +268,7 @@ FitSettings decode_fit(const JsonView& view, UnknownKeys unknown) {
     for (const auto& member : bounds->json().items())
       fit.bounds.push_back(decode_bounds(*bounds, member.key(), *model));
   }
+  if (const auto tip = view.find("tip")) fit.tip = decode_tip(*tip, unknown);
   return fit;
 }
 
@@ -324,10 +355,12 @@ Json encode(const Noise& noise) {
 Json encode(const FitSettings& fit) {
   Json bounds = Json::object();
   for (const auto& bound : fit.bounds) bounds[bound.parameter] = {bound.lower, bound.upper};
-  return Json{{"model", fit.model},
+  Json object{{"model", fit.model},
               {"refine", fit.refine},
               {"weighting", name_of(weighting_names, fit.weighting)},
               {"bounds", std::move(bounds)}};
+  if (fit.tip) object["tip"] = encode_tip(*fit.tip);
+  return object;
 }
 
 Json encode(const Drive& drive) {

@@ -101,7 +101,20 @@ void append_by_parameter(std::string& out, const ModelInfo& model, std::span<con
   out += '}';
 }
 
-void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit) {
+void append_material(std::string& out, const MaterialParameters& material) {
+  out += R"(,"material":{)";
+  bool first = true;
+  for (const auto& [name, value] : quantities(material)) {
+    if (!value) continue;
+    append(out, R"({}"{}":)", first ? "" : ",", name);
+    append_number(out, *value);
+    first = false;
+  }
+  if (material.theory) append(out, R"(,"adhesion_theory":"{}")", to_string(*material.theory));
+  out += '}';
+}
+
+void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit, const TipGeometry* tip) {
   if (model == nullptr) {
     append(out, R"(,"fit":{{"model":null,"status":"{}"}})", to_string(fit.status));
     return;
@@ -135,6 +148,9 @@ void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit) 
   append_number(out, fit.virial_nn_nm);
   out += R"(,"dissipated_fw":)";
   append_number(out, fit.dissipated_fw);
+  const std::span<const double> parameters(fit.parameters.data(), count);
+  if (tip != nullptr && count > 0 && !nothing_known(parameters))
+    append_material(out, material_of(*model, parameters, *tip));
   out += '}';
 }
 
@@ -149,7 +165,7 @@ void append_pixel_line(std::string& out, const PixelMessage& message, PixelField
   append_position(out, message.pixel);
   append_channels(out, message);
   if (fields != PixelFields::fit) append_tones(out, message);
-  if (fields != PixelFields::tones) append_fit(out, message.model, message.fit);
+  if (fields != PixelFields::tones) append_fit(out, message.model, message.fit, message.tip);
   out += "}}\n";
 }
 

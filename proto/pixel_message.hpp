@@ -13,6 +13,7 @@
 #include "dsp/pixel.hpp"
 #include "fit/fit_result.hpp"
 #include "fit/force_model.hpp"
+#include "fit/material.hpp"
 
 namespace combforce {
 
@@ -21,7 +22,8 @@ enum class PixelFields : std::uint8_t { fit, tones, all };
 // What a pixel message says: the pixel, its tones as tip deflection (nm, one a tone of the comb; NaN becomes
 // null), and the fit. Without a model (null) the fit says {"model": null, "status": …} alone. Parameters,
 // standard errors and correlation are null as a whole when none of their values is known, and null one by one
-// else.
+// else. Where the tip is known, the fit ends with "material": the quantities of fit/material.hpp that follow,
+// and the theory of adhesion that the Tabor number asks for.
 struct PixelMessage {
   const Pixel& pixel;
   const Comb& comb;
@@ -30,6 +32,7 @@ struct PixelMessage {
   std::span<const std::complex<double>> tip_nm;
   const ModelInfo* model;
   const FitResult& fit;
+  const TipGeometry* tip = nullptr;  // null: not known, and no "material" in the fit
 };
 
 // Appends one line with its newline. Objects keep the contract's order; non-integers carry 9 significant

@@ -26,12 +26,18 @@ struct Unit {
 };
 
 // The first that fits counts.
-constexpr std::array<Unit, 6> units{{{"_gpa_sqrt_nm", 1.0, ""},  // Pa sqrt(m): GSF knows integer powers only
-                                     {"_nn_nm", 1e-18, "J"},
-                                     {"_nm", 1e-9, "m"},
-                                     {"_nn", 1e-9, "N"},
-                                     {"_fw", 1e-15, "W"},
-                                     {"_v", 1.0, "V"}}};
+constexpr std::array<Unit, 12> units{{{"_gpa_sqrt_nm", 1.0, ""},  // Pa sqrt(m): GSF knows integer powers only
+                                      {"_gpa", 1e9, "Pa"},
+                                      {"_n_per_m", 1.0, "N/m"},
+                                      {"_mj_per_m2", 1e-3, "J/m^2"},
+                                      {"_zj", 1e-21, "J"},
+                                      {"_nn_nm2", 1e-27, "N m^2"},
+                                      {"_us", 1e-6, "s"},
+                                      {"_nn_nm", 1e-18, "J"},
+                                      {"_nm", 1e-9, "m"},
+                                      {"_nn", 1e-9, "N"},
+                                      {"_fw", 1e-15, "W"},
+                                      {"_v", 1.0, "V"}}};
 
 Unit unit_of(std::string_view name) {
   for (const Unit& unit : units) {
@@ -55,6 +61,11 @@ MapPixel map_pixel(const RetiredPixel& pixel) {
     const std::size_t known = std::min<std::size_t>(pixel.fit.parameters_count, model->parameters.size());
     for (std::size_t i = 0; i < known; ++i) {
       out.values.push_back({std::string(model->parameters[i].name), pixel.fit.parameters[i]});
+    }
+    if (const TipGeometry* tip = pixel.analysis.tip(); tip != nullptr && known > 0) {
+      const MaterialParameters material = material_of(*model, {pixel.fit.parameters.data(), known}, *tip);
+      for (const auto& [name, value] : quantities(material))
+        if (value) out.values.push_back({std::string(name), *value});
     }
   }
   const Channels& channels = *pixel.analysis.description.channels;

@@ -118,7 +118,7 @@ int run_replay(const ReplayCommand& options) {
       line.clear();
       append_pixel_line(line,
                         {pixel.pixel, *description.comb, *description.channels, pixel.tip_nm,
-                         pixel.analysis.model, pixel.fit},
+                         pixel.analysis.model, pixel.fit, pixel.analysis.tip()},
                         fields);
       output->write(line);
     }

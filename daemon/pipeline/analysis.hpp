@@ -24,6 +24,10 @@ struct Analysis {
   // nm_per_v (1 when it has none).
   std::vector<std::complex<double>> tip_per_volt;
   double ring_down_samples = 0.0;  // longest of the cantilever; 0 when not known
+
+  const TipGeometry* tip() const {  // null: not described
+    return description.fit && description.fit->tip ? &*description.fit->tip : nullptr;
+  }
 };
 
 // Throws std::invalid_argument naming field, value and bound: no comb, tones at or beyond Nyquist, a scan

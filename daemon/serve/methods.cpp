@@ -195,7 +195,8 @@ void add_model(RpcTable& table, Instrument& instrument) {
              object_schema({{"model", {{"type", "string"}, {"enum", model_names()}}},
                             {"refine", integer(0, max_u32, "0: the paper's partial motion")},
                             {"weighting", names({"none", "noise"}, "of the residuals")},
-                            {"bounds", typed("object", "{parameter: [lower, upper]}")}},
+                            {"bounds", typed("object", "{parameter: [lower, upper]}")},
+                            {"tip", typed("object", "its geometry, for material parameters")}},
                            {"model"}),
              any_object(), RpcHandler([&instrument](const JsonView& params, Subscriptions&) {
                const FitSettings fit = decode_fit(params);

@@ -21,10 +21,10 @@ SocketServer::Addresses addresses(const ServerSettings& settings) {
 SharedLine pixel_line(const RetiredPixel& pixel, PixelFields fields) {
   const Description& description = pixel.analysis.description;
   std::string line;
-  append_pixel_line(
-      line,
-      {pixel.pixel, *description.comb, *description.channels, pixel.tip_nm, pixel.analysis.model, pixel.fit},
-      fields);
+  append_pixel_line(line,
+                    {pixel.pixel, *description.comb, *description.channels, pixel.tip_nm,
+                     pixel.analysis.model, pixel.fit, pixel.analysis.tip()},
+                    fields);
   return std::make_shared<const std::string>(std::move(line));
 }
 

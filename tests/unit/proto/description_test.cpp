@@ -220,6 +220,19 @@ TEST(Description, RefusesBadScansNoiseAndFits) {
                               {R"({"bounds": {"adhesion_nn": [1, 0]}})", "/bounds/adhesion_nn", "lo < hi"}});
 }
 
+TEST(Description, KnowsTheTipOfAFit) {
+  const std::string text =
+      R"({"model": "hertz", "tip": {"radius_nm": 10, "sample_poisson_ratio": 0.35, "tip_young_modulus_gpa": 170}})";
+  const FitSettings fit = decoded(decode_fit, text);
+  ASSERT_TRUE(fit.tip);
+  EXPECT_EQ(fit.tip->radius_nm, 10.0);
+  EXPECT_EQ(fit.tip->tip_young_modulus_gpa, 170.0);
+  EXPECT_FALSE(fit.tip->half_angle_deg);
+  EXPECT_EQ(decoded(decode_fit, encode(fit).dump()), fit);
+  expect_refused(decode_fit,
+                 {{R"({"tip": {"radius_nm": 0}})", "/tip", "tip.radius_nm: 0, must be positive"}});
+}
+
 TEST(Description, RefusesBadDrives) {
   expect_refused(
       decode_drive,

@@ -31,7 +31,7 @@ class PixelMessageTest : public testing::Test {
 
   std::string line(PixelFields fields) const {
     std::string out = "kept ";
-    append_pixel_line(out, {pixel, comb, channels, tip_nm, model, fit}, fields);
+    append_pixel_line(out, {pixel, comb, channels, tip_nm, model, fit, tip}, fields);
     EXPECT_EQ(out.substr(0, 5), "kept ");
     EXPECT_EQ(out.find('\n'), out.size() - 1);
     EXPECT_NO_THROW(parse_json(out.substr(5), "line"));
@@ -45,6 +45,7 @@ class PixelMessageTest : public testing::Test {
   std::vector<std::complex<double>> tip_nm{{17.0529033662, -31.58430202558}, {-1e-7, 3}};
   const ModelInfo* model = &find_model("dmt");
   FitResult fit{};
+  const TipGeometry* tip = nullptr;
 };
 
 constexpr auto head =
@@ -119,6 +120,22 @@ TEST_F(PixelMessageTest, EscapesChannelNamesAndPutsVoltsInLowerCase) {
   const Json json = Json::parse(line(PixelFields::tones))["params"];
   EXPECT_EQ(json["channels"], (Json{{"a \"b\"_v", 41.25}}));
   EXPECT_EQ(json["direction"], "retrace");
+}
+
+// p2 = 5 nN at p3 = 0.5 nm under 10 nm: H = 6 * 5 * 0.25/10 nN nm, w = 5/(20 pi) N/m, E* = 3/(4 sqrt(10))
+// GPa.
+TEST_F(PixelMessageTest, SaysTheMaterialWhereTheTipIsKnown) {
+  TipGeometry geometry;
+  geometry.radius_nm = 10.0;
+  tip = &geometry;
+  const std::string text = line(PixelFields::fit);
+  EXPECT_NE(text.find(R"("dissipated_fw":1.42857143e+14,"material":{"reduced_modulus_gpa":0.237170825,)"
+                      R"("hamaker_zj":750,"work_of_adhesion_mj_per_m2":79.5774715,)"),
+            std::string::npos)
+      << text;
+  EXPECT_EQ(Json::parse(text)["params"]["fit"]["material"]["adhesion_theory"], "transition");
+  fit = unfitted(FitStatus::no_contact, 4);
+  EXPECT_FALSE(Json::parse(line(PixelFields::fit))["params"]["fit"].contains("material"));
 }
 
 TEST_F(PixelMessageTest, CarriesSampleIndicesExactly) {
