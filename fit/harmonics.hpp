@@ -3,6 +3,7 @@
 
 #include <complex>
 #include <cstddef>
+#include <numbers>
 #include <span>
 #include <vector>
 
@@ -24,7 +25,10 @@ class Harmonics {
   std::size_t band() const { return response_.size() - 1; }
   std::span<const std::size_t> tones() const { return tones_; }  // of the comb, in its order
   std::size_t highest_tone() const { return highest_tone_; }
-  double spacing_hz() const { return spacing_hz_; }  // of the harmonics: g Delta f
+  double spacing_hz() const { return spacing_hz_; }       // of the harmonics: g Delta f
+  double angular_frequency(std::size_t harmonic) const {  // rad/s
+    return 2.0 * std::numbers::pi * spacing_hz_ * static_cast<double>(harmonic);
+  }
   bool is_tone(std::size_t harmonic) const { return is_tone_[harmonic]; }
 
   // chi, nm/nN, of harmonics 0 … band.

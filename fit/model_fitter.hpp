@@ -61,19 +61,22 @@ class ModelFitter {
     bound_to_motion();
     balance_->reset();
     iterations_ = 0;
-    std::array<Parameters, StartValues::most> minima;
-    std::size_t found = 1;
-    if (start.empty())
-      found = minima_of_starts(measured, weights, minima);
-    else
-      std::copy_n(start.begin(), minima[0].size(), minima[0].begin());
+    std::array<Parameters, StartValues::most> starts;
+    std::size_t count = 1;
+    if (start.empty()) {
+      starts_.set_motion(balance_->motion());
+      count = starts_.template scan<Model>(measured.phasors(), weights, in_force_, starts);
+    } else {
+      std::copy_n(start.begin(), starts[0].size(), starts[0].begin());
+    }
     if (refined_) {
       std::array<Parameters, StartValues::dispersed_depths> further;
       if (start.empty()) starts_.template dispersed<Model>(measured.phasors(), weights, in_force_, further);
-      refined_->fit(measured, tones, whitening, beyond_paper_, std::span(minima).first(found),
+      refined_->fit(measured, tones, whitening, beyond_paper_, std::span(starts).first(count),
                     std::span(further).first(start.empty() ? further.size() : 0), result);
     } else {
-      fit_paper(std::span(minima).first(found), measured, weights, whitening, start.empty(), result);
+      if (start.empty()) count = polish(std::span(starts).first(count));
+      fit_paper(std::span(starts).first(count), measured, weights, whitening, start.empty(), result);
       result.virial_nn_nm = measured.virial_nn_nm();
       result.dissipated_fw = measured.dissipated_fw();
     }
@@ -108,7 +111,8 @@ class ModelFitter {
   static constexpr double position_tolerance_nm = 1e-4;
   static constexpr double relative_tolerance = 5e-5;
   static constexpr double ill_conditioned_error = 0.3;
-  static constexpr double as_good = 1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
+  static constexpr double as_good =
+      1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
 
   // The surface is sought no farther from the motion than the motion's span.
   void bound_to_motion() {
@@ -123,17 +127,13 @@ class ModelFitter {
     residuals_.set_bounds(in_force_);
   }
 
-  // Local minima of the paper's error, one for every start of the scan that leads to another one, least
-  // first; returns how many.
-  std::size_t minima_of_starts(const MeasuredForce& measured, std::span<const double> weights,
-                               std::span<Parameters, StartValues::most> minima) {
-    std::array<Parameters, StartValues::most> starts;
+  // Replaces the starts by the local minima of the paper's error that they lead to, each once, least first;
+  // returns how many.
+  std::size_t polish(std::span<Parameters> starts) {
+    std::array<Parameters, StartValues::most> minima;
     std::array<double, StartValues::most> costs{};
-    starts_.set_motion(balance_->motion());
-    const std::size_t count = starts_.template scan<Model>(measured.phasors(), weights, in_force_, starts);
     std::size_t found = 0;
-    for (std::size_t i = 0; i < count; ++i) {
-      Parameters p = starts[i];
+    for (Parameters p : starts) {
       residuals_.release();
       solve(p, 0, 30, 1e-4);
       const double cost = std::isfinite(solver_.summary.final_cost) ? solver_.summary.final_cost
@@ -148,6 +148,7 @@ class ModelFitter {
       costs[place] = cost;
       minima[place] = p;
     }
+    std::copy_n(minima.begin(), found, starts.begin());
     return found;
   }
 

@@ -23,13 +23,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <numbers>
 #include <span>
 #include <vector>
 
-#include "fit/bounded.hpp"
-#include "fit/box_least_squares.hpp"
-#include "fit/force_spectrum.hpp"
+#include "fit/harmonic_balance.hpp"
 #include "fit/harmonics.hpp"
 
 namespace combforce {
@@ -49,49 +46,30 @@ class SelfConsistentFit {
     std::array<bool, count> fixed{};  // at a bound
   };
 
-  explicit SelfConsistentFit(const Harmonics& harmonics)
-      : harmonics_(&harmonics),
-        spectrum_(harmonics.highest_tone(), harmonics.band(), harmonics.spacing_hz()),
-        rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
-        unknowns_(static_cast<Eigen::Index>(2 * harmonics.strong().size())),
+  // `balance` outlives the fit and holds the motion it starts from, and ends with.
+  explicit SelfConsistentFit(HarmonicBalance<Model>& balance)
+      : balance_(&balance),
+        harmonics_(&balance.harmonics()),
+        rows_(balance.rows()),
+        unknowns_(static_cast<Eigen::Index>(2 * harmonics_->strong().size())),
         matrix_(unknowns_, unknowns_),
         factor_(unknowns_),
         right_(unknowns_),
         solved_(unknowns_),
-        force_(harmonics.band() + 1),
-        motion_(harmonics.band() + 1),
-        tones_(harmonics.tones().size()),
-        forces_(harmonics.tones().size()),
-        whitening_(rows_, rows_),
         response_(unknowns_, rows_) {
-    for (auto& derivative : derivatives_) derivative.resize(motion_.size());
-    if (DependsOnVelocity<Model>) damping_.resize(motion_.size());
+    const std::size_t size = harmonics_->band() + 1;
     for (Linearized* at : {&current_, &best_}) {
-      at->base.resize(motion_.size());
-      for (auto& response : at->response) response.resize(motion_.size());
+      at->base.resize(size);
+      for (auto& response : at->response) response.resize(size);
       at->residuals.resize(rows_);
       at->jacobian.resize(rows_, count);
     }
   }
 
-  // `tones`: measured motion, nm; `forces`: measured forces, nN; one a tone each.
-  void set_measured(std::span<const std::complex<double>> tones,
-                    std::span<const std::complex<double>> forces) {
-    std::ranges::copy(tones, tones_.begin());
-    std::ranges::copy(forces, forces_.begin());
-  }
-  // Lower triangular L: residuals and Jacobian are multiplied by L^-1 before they are squared. Rows (re, im)
-  // of every tone; the covariance of the measured forces is L L' where it is known.
-  void set_whitening(const Eigen::MatrixXd& root) { whitening_ = root; }
-  void set_bounds(std::span<const Bounds> bounds) {
-    for (std::size_t k = 0; k < count; ++k) bounded_[k] = Bounded(bounds[k].lower, bounds[k].upper);
-  }
-
-  // From p and no motion off the comb, at most `most` iterations.
+  // From p and the motion off the comb that the balance holds, at most `most` iterations.
   Solution solve(const Parameters& p, std::size_t level, std::uint32_t most) {
     Solution solution;
-    std::ranges::fill(motion_, 0.0);
-    Coordinates x = coordinates(p), step = Coordinates::Zero(), whole = step;
+    Coordinates x = balance_->coordinates(p), step = Coordinates::Zero(), whole = step;
     best_.cost = std::numeric_limits<double>::infinity();
     double damping = 0.0;
     std::size_t watched = 0;
@@ -120,10 +98,8 @@ class SelfConsistentFit {
       move(x, from);
     }
     if (!solution.converged) x = best_.x;
-    for (std::size_t k = 0; k < count; ++k) {
-      solution.p[k] = bounded_[k].value(x(static_cast<Eigen::Index>(k)));
-      solution.fixed[k] = bounded_[k].at_bound(x(static_cast<Eigen::Index>(k)));
-    }
+    solution.p = balance_->parameters(x);
+    for (std::size_t k = 0; k < count; ++k) solution.fixed[k] = balance_->bounded(k).at_bound(x(index(k)));
     solution.cost = best_.cost;
     return solution;
   }
@@ -138,7 +114,7 @@ class SelfConsistentFit {
   void stiffness_at_tones(Eigen::MatrixXd& derivative) {
     const auto& strong = harmonics_->strong();
     const auto tones = harmonics_->tones();
-    couple(strong, tones, response_);
+    balance_->couple(strong, tones, response_);
     for (std::size_t s = 0; s < strong.size(); ++s) {
       const Complex chi = harmonics_->response()[strong[s]];
       for (Eigen::Index column = 0; column < rows_; ++column) {
@@ -148,12 +124,12 @@ class SelfConsistentFit {
         response_(index(2 * s + 1), column) = moved.imag();
       }
     }
-    couple(tones, tones, derivative);
+    balance_->couple(tones, tones, derivative);
     for (Eigen::Index column = 0; column < rows_; ++column) {
       solved_ = factor_.solve(response_.col(column));
       for (std::size_t i = 0; i < tones.size(); ++i)
         for (std::size_t s = 0; s < strong.size(); ++s) {
-          const auto [re, im] = coupling(tones[i], strong[s]);
+          const auto [re, im] = balance_->coupling(tones[i], strong[s]);
           const Complex change = re * solved_(index(2 * s)) + im * solved_(index(2 * s + 1));
           derivative(index(2 * i), column) += change.real();
           derivative(index(2 * i + 1), column) += change.imag();
@@ -171,7 +147,7 @@ class SelfConsistentFit {
       if (harmonics_->is_tone(n)) continue;
       const Complex product = std::norm(best_.base[n]) / harmonics_->response()[n];  // F conj(o)
       sum.virial_nn_nm += (n == 0 ? 1.0 : 0.5) * product.real();
-      sum.dissipated_fw -= 0.5 * turn(static_cast<std::ptrdiff_t>(n)).imag() * product.imag() * 1e-3;
+      sum.dissipated_fw -= 0.5 * harmonics_->angular_frequency(n) * product.imag() * 1e-3;
     }
     return sum;
   }
@@ -179,21 +155,20 @@ class SelfConsistentFit {
   // Of the last solution: by how much the next finer quadrature changes the model's phasors, rows as above,
   // whitened.
   void refine_quadrature(const Parameters& p, std::size_t level, Eigen::VectorXd& change) {
-    spectrum_.set_motion(motion_);
     change.setZero();
     for (const double sign : {-1.0, 1.0}) {
-      spectrum_.template force<Model>(p.data(), sign < 0.0 ? level : level + 1, force_);
-      for (std::size_t i = 0; i < tones_.size(); ++i) {
-        const Complex force = force_[harmonics_->tones()[i]];
-        change(index(2 * i)) += sign * force.real();
-        change(index(2 * i + 1)) += sign * force.imag();
+      balance_->evaluate(p, sign < 0.0 ? level : level + 1);
+      for (Eigen::Index i = 0; i < rows_ / 2; ++i) {
+        const Complex force = balance_->force()[harmonics_->tones()[static_cast<std::size_t>(i)]];
+        change(2 * i) += sign * force.real();
+        change(2 * i + 1) += sign * force.imag();
       }
     }
-    whiten(change);
+    balance_->whiten(change);
   }
 
  private:
-  using Coordinates = Eigen::Matrix<double, count, 1>;
+  using Coordinates = typename HarmonicBalance<Model>::Coordinates;
   using Spectrum = ForceSpectrum::Spectrum;
   using Complex = std::complex<double>;
 
@@ -208,78 +183,13 @@ class SelfConsistentFit {
 
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
-  Coordinates coordinates(const Parameters& p) const {
-    Coordinates x;
-    for (std::size_t k = 0; k < count; ++k) x(index(k)) = bounded_[k].inverse(p[k]);
-    return x;
-  }
-
-  // Coefficient m of exp(i w_m t) in a function with these phasors.
-  static Complex coefficient(const Spectrum& phasors, std::ptrdiff_t m) {
-    const auto size = static_cast<std::ptrdiff_t>(phasors.size());
-    if (m >= size || -m >= size) return 0.0;
-    if (m == 0) return phasors[0];
-    const Complex half = 0.5 * phasors[static_cast<std::size_t>(std::abs(m))];
-    return m > 0 ? half : std::conj(half);
-  }
-  // Those of dF/dd, which for a force of d - p0 is -dF/dp0, and of dF/d(velocity).
-  Complex stiffness(std::ptrdiff_t m) const { return -coefficient(derivatives_[0], m); }
-  Complex damping(std::ptrdiff_t m) const {
-    if constexpr (DependsOnVelocity<Model>)
-      return coefficient(damping_, m);
-    else
-      return 0.0;
-  }
-
-  // What a change (x + iy) of the motion at harmonic m does to the force at n: re x + im y.
-  struct Coupling {
-    Complex re, im;
-  };
-  // Its velocity is i w_m (x + iy).
-  Coupling coupling(std::size_t n, std::size_t m) const {
-    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
-    if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
-    if (n == 0) {
-      const Complex both = stiffness(k) - turn(k) * damping(k);
-      return {both.real(), both.imag()};
-    }
-    const Complex direct = stiffness(j - k) + turn(k) * damping(j - k),
-                  mirrored = stiffness(j + k) - turn(k) * damping(j + k);
-    return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
-  }
-  Complex turn(std::ptrdiff_t m) const {
-    return {0.0, 2.0 * std::numbers::pi * harmonics_->spacing_hz() * static_cast<double>(m)};
-  }
-
-  // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
-  void couple(std::span<const std::size_t> rows, std::span<const std::size_t> columns,
-              Eigen::MatrixXd& matrix) const {
-    for (std::size_t j = 0; j < columns.size(); ++j)
-      for (std::size_t i = 0; i < rows.size(); ++i) {
-        const auto [re, im] = coupling(rows[i], columns[j]);
-        matrix(index(2 * i), index(2 * j)) = re.real();
-        matrix(index(2 * i + 1), index(2 * j)) = re.imag();
-        matrix(index(2 * i), index(2 * j + 1)) = im.real();
-        matrix(index(2 * i + 1), index(2 * j + 1)) = im.imag();
-      }
-  }
-
-  template <typename Matrix>
-  void whiten(Matrix& values) const {
-    whitening_.template triangularView<Eigen::Lower>().solveInPlace(values);
-  }
-
-  // Evaluates the model at x along motion_ (its off-comb part), and solves the linearised constraint.
+  // Evaluates the model at x along the motion, and solves the linearised constraint.
   void linearize(const Coordinates& x, std::size_t level) {
-    Parameters p;
-    for (std::size_t k = 0; k < count; ++k) p[k] = bounded_[k].value(x(index(k)));
-    for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
-    spectrum_.set_motion(motion_);
-    spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_, damping_);
+    balance_->linearize(balance_->parameters(x), level);
     current_.x = x;
     factorize();
-    respond(force_, motion_, current_.base);
-    for (std::size_t k = 0; k < count; ++k) respond(derivatives_[k], {}, current_.response[k]);
+    respond(balance_->force(), balance_->motion(), current_.base);
+    for (std::size_t k = 0; k < count; ++k) respond(balance_->derivative(k), {}, current_.response[k]);
     project();
   }
 
@@ -306,7 +216,7 @@ class SelfConsistentFit {
     const auto& chi = harmonics_->response();
     for (std::size_t column = 0; column < strong.size(); ++column)
       for (std::size_t row = 0; row < strong.size(); ++row) {
-        const auto [re, im] = coupling(strong[row], strong[column]);
+        const auto [re, im] = balance_->coupling(strong[row], strong[column]);
         const Complex x = -chi[strong[row]] * re, y = -chi[strong[row]] * im;
         const double one = row == column ? 1.0 : 0.0;
         matrix_(index(2 * row), index(2 * column)) = one + x.real();
@@ -319,15 +229,16 @@ class SelfConsistentFit {
 
   // Residuals at the tones after the motion's step, and their total derivatives.
   void project() {
-    for (std::size_t i = 0; i < tones_.size(); ++i) {
+    const Spectrum& motion = balance_->motion();
+    for (std::size_t i = 0; i < harmonics_->tones().size(); ++i) {
       const std::size_t tone = harmonics_->tones()[i];
-      Complex residual = force_[tone] - forces_[i];
+      Complex residual = balance_->residual(i);
       std::array<Complex, count> slopes;
-      for (std::size_t k = 0; k < count; ++k) slopes[k] = derivatives_[k][tone];
-      for (std::size_t n = 0; n < motion_.size(); ++n) {
+      for (std::size_t k = 0; k < count; ++k) slopes[k] = balance_->derivative(k)[tone];
+      for (std::size_t n = 0; n < motion.size(); ++n) {
         if (harmonics_->is_tone(n)) continue;
-        const auto [re, im] = coupling(tone, n);
-        const Complex step = current_.base[n] - motion_[n];
+        const auto [re, im] = balance_->coupling(tone, n);
+        const Complex step = current_.base[n] - motion[n];
         residual += re * step.real() + im * step.imag();
         for (std::size_t k = 0; k < count; ++k)
           slopes[k] += re * current_.response[k][n].real() + im * current_.response[k][n].imag();
@@ -339,14 +250,9 @@ class SelfConsistentFit {
         current_.jacobian(index(2 * i + 1), index(k)) = slopes[k].imag();
       }
     }
-    whiten(current_.residuals);
-    whiten(current_.jacobian);
+    balance_->whiten(current_.residuals);
+    balance_->whiten(current_.jacobian);
     current_.cost = current_.residuals.squaredNorm();
-  }
-
-  double slope(std::size_t k, const Linearized& at) const {
-    const double x = at.x(index(k));
-    return bounded_[k].slope(x, bounded_[k].value(x));
   }
 
   // Levenberg-Marquardt step of the coordinates.
@@ -355,10 +261,10 @@ class SelfConsistentFit {
     Coordinates right = Coordinates::Zero(), scale;
     for (Eigen::Index row = 0; row < rows_; ++row) {
       for (std::size_t k = 0; k < count; ++k) {
-        const double at_k = at.jacobian(row, index(k)) * slope(k, at);
+        const double at_k = at.jacobian(row, index(k)) * balance_->slope(k, at.x);
         right(index(k)) -= at_k * at.residuals(row);
         for (std::size_t l = 0; l < count; ++l)
-          normal(index(k), index(l)) += at_k * at.jacobian(row, index(l)) * slope(l, at);
+          normal(index(k), index(l)) += at_k * at.jacobian(row, index(l)) * balance_->slope(l, at.x);
       }
     }
     for (std::size_t k = 0; k < count; ++k) {
@@ -371,8 +277,8 @@ class SelfConsistentFit {
     Coordinates step = scale.asDiagonal() * normal.ldlt().solve(scaled);
     double shrink = 1.0;
     for (std::size_t k = 0; k < count; ++k) {
-      const double change = std::abs(step(index(k)) * slope(k, at));
-      const double p = std::abs(bounded_[k].value(at.x(index(k))));
+      const double change = std::abs(step(index(k)) * balance_->slope(k, at.x));
+      const double p = std::abs(balance_->bounded(k).value(at.x(index(k))));
       shrink = std::min(shrink, (k == 0 ? longest_step_nm : longest_step * p) / change);
     }
     return shrink < 1.0 ? Coordinates(shrink * step) : step;
@@ -390,8 +296,8 @@ class SelfConsistentFit {
   bool is_small(const Coordinates& step, const Linearized& at) const {
     bool still = true;
     for (std::size_t k = 0; k < count; ++k) {
-      const double change = std::abs(step(index(k)) * slope(k, at));
-      const double p = std::abs(bounded_[k].value(at.x(index(k))));
+      const double change = std::abs(step(index(k)) * balance_->slope(k, at.x));
+      const double p = std::abs(balance_->bounded(k).value(at.x(index(k))));
       still = still && change <= tolerance * (k == 0 ? 1.0 : p);
     }
     if (still) return true;
@@ -399,21 +305,20 @@ class SelfConsistentFit {
     for (Eigen::Index row = 0; row < rows_; ++row) {
       double change = 0.0;
       for (std::size_t k = 0; k < count; ++k)
-        change += at.jacobian(row, index(k)) * slope(k, at) * step(index(k));
+        change += at.jacobian(row, index(k)) * balance_->slope(k, at.x) * step(index(k));
       decrease += change * change;
     }
     return decrease <= cost_tolerance * at.cost;
   }
 
-  // motion_ at x, to first order.
+  // The motion at x, to first order.
   void move(const Coordinates& x, const Linearized& from) {
-    Parameters change;
-    for (std::size_t k = 0; k < count; ++k)
-      change[k] = bounded_[k].value(x(index(k))) - bounded_[k].value(from.x(index(k)));
-    for (std::size_t n = 0; n < motion_.size(); ++n) {
+    const Parameters to = balance_->parameters(x), p = balance_->parameters(from.x);
+    Spectrum& motion = balance_->motion();
+    for (std::size_t n = 0; n < motion.size(); ++n) {
       Complex value = from.base[n];
-      for (std::size_t k = 0; k < count; ++k) value += change[k] * from.response[k][n];
-      motion_[n] = value;
+      for (std::size_t k = 0; k < count; ++k) value += (to[k] - p[k]) * from.response[k][n];
+      motion[n] = value;
     }
   }
 
@@ -428,19 +333,13 @@ class SelfConsistentFit {
   // of the others.
   static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
 
+  HarmonicBalance<Model>* balance_;
   const Harmonics* harmonics_;
-  ForceSpectrum spectrum_;
   Eigen::Index rows_, unknowns_;
   Eigen::MatrixXd matrix_;
   Eigen::PartialPivLU<Eigen::MatrixXd> factor_;
   Eigen::VectorXd right_, solved_;
-  Spectrum force_, motion_;
-  std::array<Spectrum, count> derivatives_;
-  Spectrum damping_;  // dF/d(velocity)
-  std::vector<Complex> tones_, forces_;
-  Eigen::MatrixXd whitening_;  // L
-  Eigen::MatrixXd response_;   // of the motion off the comb to that at the tones
-  std::array<Bounded, count> bounded_;
+  Eigen::MatrixXd response_;  // of the motion off the comb to that at the tones
   Linearized current_, best_;
 };
 

@@ -1,0 +1,183 @@
+// The force balance at every harmonic of a pixel: the measured motion at the tones with a motion off the
+// comb, the forces of a model along both, and how these answer to changes of the parameters and of the
+// motion.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "fit/bounded.hpp"
+#include "fit/box_least_squares.hpp"
+#include "fit/force_model.hpp"
+#include "fit/force_spectrum.hpp"
+#include "fit/harmonics.hpp"
+
+namespace combforce {
+
+// Thread-bound. Only the constructor allocates.
+template <typename Model>
+class HarmonicBalance {
+ public:
+  static constexpr std::size_t count = Model::parameters;
+  using Parameters = std::array<double, count>;
+  using Coordinates = Eigen::Matrix<double, count, 1>;  // unbounded: bounded.hpp
+  using Spectrum = ForceSpectrum::Spectrum;
+  using Complex = std::complex<double>;
+
+  // `harmonics` outlives the balance.
+  explicit HarmonicBalance(const Harmonics& harmonics)
+      : harmonics_(&harmonics),
+        spectrum_(harmonics.highest_tone(), harmonics.band(), harmonics.spacing_hz()),
+        motion_(harmonics.band() + 1),
+        force_(harmonics.band() + 1),
+        tones_(harmonics.tones().size()),
+        forces_(harmonics.tones().size()),
+        whitening_(rows(), rows()),
+        scratch_(rows()) {
+    for (auto& derivative : derivatives_) derivative.resize(motion_.size());
+    if (DependsOnVelocity<Model>) damping_.resize(motion_.size());
+  }
+
+  const Harmonics& harmonics() const { return *harmonics_; }
+  // Of residuals at the tones: (re, im) of each.
+  Eigen::Index rows() const { return static_cast<Eigen::Index>(2 * harmonics_->tones().size()); }
+
+  // `tones`: measured motion, nm; `forces`: measured forces, nN; one a tone each.
+  void set_measured(std::span<const Complex> tones, std::span<const Complex> forces) {
+    std::ranges::copy(tones, tones_.begin());
+    std::ranges::copy(forces, forces_.begin());
+  }
+  // Lower triangular L: residuals at the tones and their Jacobian are multiplied by L^-1 before they are
+  // squared. The covariance of the measured forces is L L' where it is known.
+  void set_whitening(const Eigen::MatrixXd& root) { whitening_ = root; }
+  const Eigen::MatrixXd& whitening() const { return whitening_; }
+  template <typename Matrix>
+  void whiten(Matrix&& values) const {
+    whitening_.template triangularView<Eigen::Lower>().solveInPlace(values);
+  }
+
+  void set_bounds(std::span<const Bounds> bounds) {
+    for (std::size_t k = 0; k < count; ++k) bounded_[k] = Bounded(bounds[k].lower, bounds[k].upper);
+  }
+  const Bounded& bounded(std::size_t k) const { return bounded_[k]; }
+  Coordinates coordinates(const Parameters& p) const {
+    Coordinates x;
+    for (std::size_t k = 0; k < count; ++k) x(index(k)) = bounded_[k].inverse(p[k]);
+    return x;
+  }
+  Parameters parameters(const Coordinates& x) const {
+    Parameters p;
+    for (std::size_t k = 0; k < count; ++k) p[k] = bounded_[k].value(x(index(k)));
+    return p;
+  }
+  // dp_k/dx_k.
+  double slope(std::size_t k, const Coordinates& x) const {
+    return bounded_[k].slope(x(index(k)), bounded_[k].value(x(index(k))));
+  }
+
+  // Harmonics 0 … band, nm. What it holds at the tones is overwritten by what was measured.
+  Spectrum& motion() { return motion_; }
+  const Spectrum& motion() const { return motion_; }
+
+  // Evaluates the model's force along the motion, with `linearize` also its derivatives, on this level of the
+  // quadrature.
+  void evaluate(const Parameters& p, std::size_t level) {
+    complete_motion();
+    spectrum_.template force<Model>(p.data(), level, force_);
+  }
+  void linearize(const Parameters& p, std::size_t level) {
+    complete_motion();
+    spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_, damping_);
+  }
+
+  // Phasors of harmonics 0 … band: the force, nN, and dF/dp_k.
+  const Spectrum& force() const { return force_; }
+  const Spectrum& derivative(std::size_t k) const { return derivatives_[k]; }
+  // |L^-1 F|^2 of the measured forces.
+  double measured_square() const {
+    for (std::size_t i = 0; i < forces_.size(); ++i) {
+      scratch_(index(2 * i)) = forces_[i].real();
+      scratch_(index(2 * i + 1)) = forces_[i].imag();
+    }
+    whiten(scratch_);
+    return scratch_.squaredNorm();
+  }
+  // F_model - F_measured at a tone.
+  Complex residual(std::size_t tone) const { return force_[harmonics_->tones()[tone]] - forces_[tone]; }
+
+  // What a change (x + iy) of the motion at harmonic m does to the force at n: re x + im y.
+  struct Coupling {
+    Complex re, im;
+  };
+  // Its velocity is i w_m (x + iy).
+  Coupling coupling(std::size_t n, std::size_t m) const {
+    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
+    if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
+    if (n == 0) {
+      const Complex both = stiffness(k) - turn(k) * damping(k);
+      return {both.real(), both.imag()};
+    }
+    const Complex direct = stiffness(j - k) + turn(k) * damping(j - k),
+                  mirrored = stiffness(j + k) - turn(k) * damping(j + k);
+    return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
+  }
+  // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
+  void couple(std::span<const std::size_t> rows, std::span<const std::size_t> columns,
+              Eigen::MatrixXd& matrix) const {
+    for (std::size_t j = 0; j < columns.size(); ++j)
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        const auto [re, im] = coupling(rows[i], columns[j]);
+        matrix(index(2 * i), index(2 * j)) = re.real();
+        matrix(index(2 * i + 1), index(2 * j)) = re.imag();
+        matrix(index(2 * i), index(2 * j + 1)) = im.real();
+        matrix(index(2 * i + 1), index(2 * j + 1)) = im.imag();
+      }
+  }
+
+ private:
+  // i w_m.
+  Complex turn(std::ptrdiff_t m) const {
+    return {0.0, harmonics_->angular_frequency(static_cast<std::size_t>(m))};
+  }
+  static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
+  void complete_motion() {
+    for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
+    spectrum_.set_motion(motion_);
+  }
+
+  // Coefficient m of exp(i w_m t) in a function with these phasors.
+  static Complex coefficient(const Spectrum& phasors, std::ptrdiff_t m) {
+    const auto size = static_cast<std::ptrdiff_t>(phasors.size());
+    if (m >= size || -m >= size) return 0.0;
+    if (m == 0) return phasors[0];
+    const Complex half = 0.5 * phasors[static_cast<std::size_t>(std::abs(m))];
+    return m > 0 ? half : std::conj(half);
+  }
+  // Those of dF/dd, which for a force of d - p0 is -dF/dp0, and of dF/d(velocity).
+  Complex stiffness(std::ptrdiff_t m) const { return -coefficient(derivatives_[0], m); }
+  Complex damping(std::ptrdiff_t m) const {
+    if constexpr (DependsOnVelocity<Model>)
+      return coefficient(damping_, m);
+    else
+      return 0.0;
+  }
+
+  const Harmonics* harmonics_;
+  ForceSpectrum spectrum_;
+  Spectrum motion_, force_;
+  std::array<Spectrum, count> derivatives_;
+  Spectrum damping_;  // dF/d(velocity)
+  std::vector<Complex> tones_, forces_;
+  Eigen::MatrixXd whitening_;  // L
+  mutable Eigen::VectorXd scratch_;
+  std::array<Bounded, count> bounded_;
+};
+
+}  // namespace combforce
