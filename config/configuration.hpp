@@ -48,8 +48,7 @@ struct DigitizerSettings {
 };
 
 struct PipelineSettings {
-  unsigned threads = 0;  // fit workers; 0: one a core; <= 1024
-  bool fit = true;       // false: pixels are only extracted. Not in a file: each tool knows what it is for.
+  unsigned threads = 0;             // fit workers; 0: one a core; <= 1024
   std::uint32_t ring_blocks = 64;   // blocks between digitizer and extraction, and recorder, each; >= 2
   std::uint32_t pixel_slots = 256;  // pixels between extraction and output; >= 2
   // Greatest change of a driven tone of the free response, relative to it, during a capture or from one
@@ -57,7 +56,8 @@ struct PipelineSettings {
   // wrong by some percent, the size of the bias of the paper's method.
   double drift_tolerance = 0.01;
   std::uint32_t spectrum_segment =
-      16384;  // samples: bins lie sample_rate / spectrum_segment apart; even, 4..2^17
+      16384;        // samples: bins lie sample_rate / spectrum_segment apart; even, 4..2^17
+  bool fit = true;  // false: pixels are only extracted. Not in a file: each tool knows what it is for.
 
   bool operator==(const PipelineSettings&) const = default;
 };

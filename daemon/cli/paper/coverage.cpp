@@ -58,16 +58,17 @@ std::vector<double> bound_of(const FitConditions& conditions, const Phasors& tip
   MeasuredForce measured(conditions);
   measured.set(tip_nm);
   const Harmonics harmonics(conditions.comb, conditions.cantilever, delta_f_hz);
-  SelfConsistentFit<Model> fit(harmonics);
+  HarmonicBalance<Model> balance(harmonics);
+  SelfConsistentFit<Model> fit(balance);
   std::vector<Bounds> bounds;
   for (const ParameterInfo& info : Model::model.parameters) bounds.push_back({info.lower, info.upper});
   const Eigen::Index rows = measured.covariance().rows();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(rows, rows);
   for (Eigen::Index row = 0; row < rows; ++row)
     root(row, row) = std::sqrt(measured.variances()[static_cast<std::size_t>(row / 2)]);
-  fit.set_bounds(bounds);
-  fit.set_whitening(root);
-  fit.set_measured(tip_nm, measured.phasors());
+  balance.set_bounds(bounds);
+  balance.set_whitening(root);
+  balance.set_measured(tip_nm, measured.phasors());
   typename SelfConsistentFit<Model>::Parameters start;
   std::ranges::copy(truth, start.begin());
   fit.solve(start, 1, most_refinements);

@@ -33,7 +33,8 @@ struct Residuals {
     residuals = -measured_nn;
     for (Index n = 0; n < d_nm.size(); ++n) {
       if (Model::tail_terms.empty() && d_nm(n) > p(0)) break;
-      residuals.noalias() += Model::force(p.data(), d_nm(n)) * turn.col(n);
+      residuals.noalias() +=
+          force_of<Model>(p.data(), d_nm(n), 0.0) * turn.col(n);  // the paper's know no velocity
     }
     return 0;
   }

@@ -92,16 +92,17 @@ class HertzBalance {
   HertzBalance()
       : conditions_(paper_conditions("hertz", bins_, Phasors(4))),
         harmonics_(conditions_.comb, conditions_.cantilever, paper_delta_f_hz),
-        fit_(harmonics_) {
-    fit_.set_whitening(Eigen::MatrixXd::Identity(8, 8));
+        balance_(harmonics_),
+        fit_(balance_) {
+    balance_.set_whitening(Eigen::MatrixXd::Identity(8, 8));
     // Held at these parameters, the fit finds the motion alone.
     const std::vector<Bounds> bounds{{-40.0 - 1e-9, -40.0 + 1e-9}, {1.0 - 1e-9, 1.0 + 1e-9}};
-    fit_.set_bounds(bounds);
+    balance_.set_bounds(bounds);
   }
 
   // F_model at the tones, the motion off the comb in equilibrium.
   Eigen::VectorXd forces(const Phasors& tip_nm) {
-    fit_.set_measured(tip_nm, Phasors(4));
+    balance_.set_measured(tip_nm, Phasors(4));
     fit_.solve({-40.0, 1.0}, 1, 20);
     return fit_.residuals();
   }
@@ -115,6 +116,7 @@ class HertzBalance {
   std::vector<std::uint64_t> bins_{232, 234, 236, 1348};
   FitConditions conditions_;
   Harmonics harmonics_;
+  HarmonicBalance<Hertz> balance_;
   SelfConsistentFit<Hertz> fit_;
 };
 
@@ -146,11 +148,12 @@ TEST(DetectorNoise, StandardErrorsHoldUnderIt) {
   conditions.noise = Noise{1.0, {density}};  // heat, which is not drawn, counts for little
   conditions.settings.refine = 30;
   const Harmonics harmonics(conditions.comb, conditions.cantilever, paper_delta_f_hz);
-  SelfConsistentFit<Hertz> model(harmonics);
-  model.set_whitening(Eigen::MatrixXd::Identity(4, 4));
+  HarmonicBalance<Hertz> balance(harmonics);
+  SelfConsistentFit<Hertz> model(balance);
+  balance.set_whitening(Eigen::MatrixXd::Identity(4, 4));
   const std::vector<Bounds> held{{-40.0 - 1e-9, -40.0 + 1e-9}, {1.0 - 1e-9, 1.0 + 1e-9}};
-  model.set_bounds(held);
-  model.set_measured(tip_nm, Phasors(2));
+  balance.set_bounds(held);
+  balance.set_measured(tip_nm, Phasors(2));
   model.solve({-40.0, 1.0}, 1, 20);
   for (std::size_t i = 0; i < 2; ++i) {
     const auto row = static_cast<Eigen::Index>(2 * i);
