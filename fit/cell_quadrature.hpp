@@ -58,7 +58,7 @@ class CellQuadrature {
   template <typename Model>
   void add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
   template <typename Model>
-  Piece active(const double* p, const Motion::Polynomial& c, const Piece& piece) const;
+  void add_active(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
   template <std::size_t First, std::size_t Terms, typename SumOfModel>
   static void add_node(const std::array<double, Terms>& values, double s, double weight, SumOfModel& sum);
 
@@ -97,29 +97,42 @@ void CellQuadrature::add_node(const std::array<double, Terms>& values, double s,
     for (std::size_t k = 0; k < Motion::order; ++k) sum.moments[First + m][k] += values[m] * powers[k];
 }
 
-// The part of a contact piece where the force is not clamped: depth > lag * velocity.
+// The parts of a contact piece where the force is not clamped: depth > lag * velocity. Tips that go in are
+// always ahead of the solid.
 template <typename Model>
-CellQuadrature::Piece CellQuadrature::active(const double* p, const Motion::Polynomial& c,
-                                             const Piece& piece) const {
+void CellQuadrature::add_active(const double* p, const Motion::Polynomial& c, const Piece& piece,
+                                Sum<Model>& sum) const {
+  if (piece.d_begin > piece.d_end) return add_contact<Model>(p, c, piece, sum);
   const double lag = Model::lag_s(p) * velocity_per_slope_;
   Motion::Polynomial pressure{};
   for (std::size_t k = 0; k < Motion::order; ++k)
     pressure[k] = -c[k] - (k + 1 < Motion::order ? lag * static_cast<double>(k + 1) * c[k + 1] : 0.0);
   pressure[0] += p[0];
-  const bool at_begin = value_at(pressure, piece.begin) > 0.0, at_end = value_at(pressure, piece.end) > 0.0;
-  if (at_begin == at_end) return at_begin || piece.d_begin > piece.d_end ? piece : Piece{};
-  const double s = crossing(pressure, piece.begin, piece.end, 0.0, 1e-12);
-  return at_begin ? Piece{piece.begin, s, piece.d_begin, value_at(c, s)}
-                  : Piece{s, piece.end, value_at(c, s), piece.d_end};
+  std::array<double, Motion::order> points;
+  const std::size_t turns = turning_points(pressure, points);
+  bool active = value_at(pressure, piece.begin) > 0.0;
+  double begin = piece.begin, from = piece.begin;
+  const auto add = [&](double to) {
+    if (from < to) add_contact<Model>(p, c, {from, to, value_at(c, from), value_at(c, to)}, sum);
+  };
+  for (std::size_t i = 0; i <= turns; ++i) {
+    const double end = i < turns ? std::min(points[i], piece.end) : piece.end;
+    if (end <= begin) continue;
+    if ((value_at(pressure, end) > 0.0) != active) {
+      const double s = crossing(pressure, begin, end, 0.0, 1e-12);
+      if (active) add(s);
+      from = s;
+      active = !active;
+    }
+    begin = end;
+  }
+  if (active) add(piece.end);
 }
 
 // Nodes crowd quadratically at the shallow end when it is at, or close to, the kink.
 template <typename Model>
-void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, const Piece& whole,
+void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece,
                                  Sum<Model>& sum) const {
-  Piece piece = whole;
-  if constexpr (DependsOnVelocity<Model>) piece = active<Model>(p, c, whole);
-  if (!(piece.begin < piece.end)) return;
   const bool falling = piece.d_begin > piece.d_end;
   const double shallow = falling ? piece.begin : piece.end;
   const double length = falling ? piece.end - piece.begin : piece.begin - piece.end;
@@ -168,15 +181,21 @@ void CellQuadrature::add_piece(const double* p, const Motion::Polynomial& c, con
                                Sum<Model>& sum) const {
   constexpr bool tail = !Model::tail_terms.empty();
   const double surface = p[0];
+  const auto contact = [&](const Piece& part) {
+    if constexpr (DependsOnVelocity<Model>)
+      add_active<Model>(p, c, part, sum);
+    else
+      add_contact<Model>(p, c, part, sum);
+  };
   if (piece.d_begin <= surface && piece.d_end <= surface) {
-    add_contact<Model>(p, c, piece, sum);
+    contact(piece);
   } else if (piece.d_begin >= surface && piece.d_end >= surface) {
     if constexpr (tail) add_tail<Model>(p, c, piece, sum);
   } else {
     const double s = crossing(c, piece.begin, piece.end, surface, 1e-12);
     const Piece before{piece.begin, s, piece.d_begin, surface};
     const Piece after{s, piece.end, surface, piece.d_end};
-    add_contact<Model>(p, c, piece.d_begin < surface ? before : after, sum);
+    contact(piece.d_begin < surface ? before : after);
     if constexpr (tail) add_tail<Model>(p, c, piece.d_begin < surface ? after : before, sum);
   }
 }

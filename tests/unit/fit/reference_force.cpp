@@ -69,33 +69,41 @@ double ReferenceMotion::lowest_nm() const {
   return lowest;
 }
 
-Eigen::MatrixXd ReferenceMotion::integrate(double kink_nm, std::size_t columns, const Integrand& functions,
-                                           double tolerance) const {
+Eigen::MatrixXd ReferenceMotion::integrate(std::span<const Edge> edges, std::size_t columns,
+                                           const Integrand& functions, double tolerance) const {
+  std::vector<double> cuts = cuts_;
+  constexpr int steps = 32;  // a stretch between turning points; two roots within one step are not seen
+  for (const Edge& edge : edges) {
+    const auto side = [&](double t) { return edge(at(t), slope(t) * periods_per_s_); };
+    for (std::size_t i = 0; i + 1 < cuts_.size(); ++i) {
+      double before = cuts_[i], side_before = side(before);
+      for (int step = 1; step <= steps; ++step) {
+        const double t = std::lerp(cuts_[i], cuts_[i + 1], static_cast<double>(step) / steps);
+        const double side_here = side(t);
+        if (side_before * side_here < 0.0) cuts.push_back(root(side, before, t));
+        before = t;
+        side_before = side_here;
+      }
+    }
+  }
+  std::ranges::sort(cuts);
   Eigen::MatrixXd sum =
       Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(2 * tones_.size()), static_cast<Eigen::Index>(columns));
-  const auto height = [&](double t) { return at(t) - kink_nm; };
-  double at_begin = height(cuts_.front());
-  for (std::size_t i = 0; i + 1 < cuts_.size(); ++i) {
-    const double at_end = height(cuts_[i + 1]);
-    if (at_begin * at_end < 0.0) {
-      const double crossing = root(height, cuts_[i], cuts_[i + 1]);
-      add(cuts_[i], crossing, tolerance, 0, functions, sum);
-      add(crossing, cuts_[i + 1], tolerance, 0, functions, sum);
-    } else {
-      add(cuts_[i], cuts_[i + 1], tolerance, 0, functions, sum);
-    }
-    at_begin = at_end;
-  }
+  for (std::size_t i = 0; i + 1 < cuts.size(); ++i)
+    add({cuts[i], cuts[i + 1]}, 0.0, 1.0, tolerance, 0, functions, sum);
   return sum;
 }
 
-void ReferenceMotion::add(double begin, double end, double tolerance, int depth, const Integrand& functions,
-                          Eigen::MatrixXd& sum) const {
+// Over u from `begin` to `end` of t = stretch.begin + length (3 u^2 - 2 u^3).
+void ReferenceMotion::add(const Stretch& stretch, double begin, double end, double tolerance, int depth,
+                          const Integrand& functions, Eigen::MatrixXd& sum) const {
   const double middle = 0.5 * (begin + end), half = 0.5 * (end - begin);
+  const double length = stretch.end - stretch.begin;
   Eigen::MatrixXd kronrod = Eigen::MatrixXd::Zero(sum.rows(), sum.cols()), gauss = kronrod;
   Eigen::VectorXd basis(sum.rows());
-  Eigen::RowVectorXd values(sum.cols());
-  const auto node = [&](double t, double kronrod_weight, double gauss_weight) {
+  Eigen::RowVectorXd values(sum.cols()), greatest = Eigen::RowVectorXd::Ones(sum.cols());
+  const auto node = [&](double u, double kronrod_weight, double gauss_weight) {
+    const double t = stretch.begin + length * u * u * (3.0 - 2.0 * u), dt = 6.0 * length * u * (1.0 - u);
     double d = 0.0, rate = 0.0;
     for (std::size_t i = 0; i < tones_.size(); ++i) {
       const double phase = frequencies_[i] * t, cosine = std::cos(phase), sine = std::sin(phase);
@@ -105,8 +113,9 @@ void ReferenceMotion::add(double begin, double end, double tolerance, int depth,
       basis(static_cast<Eigen::Index>(2 * i + 1)) = -sine;
     }
     functions(d, rate * periods_per_s_, {values.data(), static_cast<std::size_t>(values.size())});
-    kronrod.noalias() += (2.0 * half * kronrod_weight) * basis * values;
-    gauss.noalias() += (2.0 * half * gauss_weight) * basis * values;
+    greatest = greatest.cwiseMax(values.cwiseAbs());
+    kronrod.noalias() += (2.0 * half * dt * kronrod_weight) * basis * values;
+    gauss.noalias() += (2.0 * half * dt * gauss_weight) * basis * values;
   };
   for (std::size_t i = 0; i < Kronrod::abscissa().size(); ++i) {
     const double x = half * Kronrod::abscissa()[i], weight = Kronrod::weights()[i];
@@ -114,9 +123,10 @@ void ReferenceMotion::add(double begin, double end, double tolerance, int depth,
     node(middle + x, weight, gauss_weight);
     if (i > 0) node(middle - x, weight, gauss_weight);
   }
-  if ((kronrod - gauss).cwiseAbs().maxCoeff() > tolerance * (end - begin) && depth < 40) {
-    add(begin, middle, tolerance, depth + 1, functions, sum);
-    add(middle, end, tolerance, depth + 1, functions, sum);
+  const Eigen::RowVectorXd error = (kronrod - gauss).cwiseAbs().colwise().maxCoeff();
+  if (((error.array() > tolerance * length * (end - begin) * greatest.array()).any()) && depth < 40) {
+    add(stretch, begin, middle, tolerance, depth + 1, functions, sum);
+    add(stretch, middle, end, tolerance, depth + 1, functions, sum);
   } else {
     sum += kronrod;
   }

@@ -1,7 +1,8 @@
 // Phasors of a model force along a motion, another way than fit/ goes: the motion is its tones' cosines and
 // sines; it is cut where bisection finds turning points (sign changes of d' on a grid of time) and crossings
-// of the surface; each stretch is integrated by adaptive Gauss-Kronrod (nodes of Boost.Math) without
-// substitutions; derivatives are those of ceres::Jet through the model's force(), not its terms.
+// of the surface; each stretch is integrated by adaptive Gauss-Kronrod (nodes of Boost.Math), after one
+// substitution that slows down at both its ends, where forces start as a root of the depth; derivatives are
+// those of ceres::Jet through the model's force(), not its terms.
 #pragma once
 
 #include <ceres/jet.h>
@@ -32,20 +33,36 @@ class ReferenceMotion {
   double slope(double period) const;  // nm a period
   double lowest_nm() const;
 
+  // Changes its sign where functions are not smooth.
+  using Edge = std::function<double(double d_nm, double velocity_nm_per_s)>;
+
   // (2/T) integral f_j(d(t)) exp(-i w_i t) dt: a column a function, rows (re, im) of tone 0, 1, …. The
-  // functions are smooth but for d = kink_nm. Gauss and Kronrod sums differ by less than `tolerance` in all.
-  Eigen::MatrixXd integrate(double kink_nm, std::size_t columns, const Integrand& functions,
+  // functions are smooth but at the edges, where they may jump, or grow as the distance to the power -1/2.
+  // Gauss and Kronrod sums differ by less than `tolerance`, of functions beyond 1 of their greatest value.
+  Eigen::MatrixXd integrate(std::span<const Edge> edges, std::size_t columns, const Integrand& functions,
                             double tolerance = 1e-8) const;
 
  private:
-  void add(double begin, double end, double tolerance, int depth, const Integrand& functions,
-           Eigen::MatrixXd& sum) const;
+  struct Stretch {
+    double begin, end;  // periods
+  };
+  void add(const Stretch& stretch, double begin, double end, double tolerance, int depth,
+           const Integrand& functions, Eigen::MatrixXd& sum) const;
 
   double periods_per_s_ = 0.0;
   std::vector<double> frequencies_;  // rad a period
   std::vector<std::complex<double>> tones_;
   std::vector<double> cuts_;  // 0, turning points, 1
 };
+
+// The surface, and where the force of a solid that lags behind the tip is clamped at 0.
+template <typename Model>
+std::vector<ReferenceMotion::Edge> edges_of(std::span<const double> p) {
+  std::vector<ReferenceMotion::Edge> edges{[p](double d, double /*velocity*/) { return p[0] - d; }};
+  if constexpr (DependsOnVelocity<Model>)
+    edges.push_back([p](double d, double velocity) { return p[0] - d - Model::lag_s(p.data()) * velocity; });
+  return edges;
+}
 
 // Columns: F, then dF/dp of each parameter; nN.
 template <typename Model>
@@ -59,7 +76,7 @@ Eigen::MatrixXd reference_force(const ReferenceMotion& motion, std::span<const d
     values[0] = force.a;
     std::copy_n(force.v.data(), Model::parameters, values.begin() + 1);
   };
-  return motion.integrate(p[0], 1 + Model::parameters, force_and_derivatives, tolerance);
+  return motion.integrate(edges_of<Model>(p), 1 + Model::parameters, force_and_derivatives, tolerance);
 }
 
 // Column 0 alone.
@@ -67,7 +84,7 @@ template <typename Model>
 std::vector<std::complex<double>> reference_phasors(const ReferenceMotion& motion,
                                                     std::span<const double> p) {
   const Eigen::MatrixXd sum =
-      motion.integrate(p[0], 1, [&](double d, double velocity, std::span<double> values) {
+      motion.integrate(edges_of<Model>(p), 1, [&](double d, double velocity, std::span<double> values) {
         values[0] = force_of<Model>(p.data(), d, velocity);
       });
   std::vector<std::complex<double>> phasors;
