@@ -7,7 +7,8 @@ namespace combforce {
 
 StartValues::StartValues(const Motion& motion, double velocity_per_slope)
     : velocity_per_slope_(velocity_per_slope),
-      d_(velocity_per_slope > 0.0 ? 2 * bins : bins),
+      bins_(velocity_per_slope > 0.0 ? 160 : 640),
+      d_(velocity_per_slope > 0.0 ? 2 * speeds * bins_ : bins_),
       histogram_(static_cast<Eigen::Index>(2 * motion.tones()), static_cast<Eigen::Index>(d_.size())),
       velocity_(d_.size()),
       time_(d_.size()),
@@ -18,14 +19,17 @@ StartValues::StartValues(const Motion& motion, double velocity_per_slope)
       coarse_(equidistant(motion, 2)) {}
 
 void StartValues::set_motion(const Motion& motion) {
-  constexpr double last = bins - 1;
+  const auto last = static_cast<double>(bins_ - 1);
   lowest_ = motion.lowest_nm();
   span_ = motion.highest_nm() - lowest_;
   for (std::size_t bin = 0; bin < d_.size(); ++bin)
-    d_[bin] = lowest_ + span_ * std::pow(static_cast<double>(bin % bins) / last, 3.0);
+    d_[bin] = lowest_ + span_ * std::pow(static_cast<double>(bin % bins_) / last, 3.0);
   histogram_.setZero();
   std::ranges::fill(velocity_, 0.0);
   std::ranges::fill(time_, 0.0);
+  steepest_ = 0.0;
+  for (std::size_t cell = 0; cell < motion.cells(); ++cell)
+    steepest_ = std::max(steepest_, std::abs(motion.polynomial(cell)[1]));
   for (std::size_t cell = 0; cell < motion.cells(); ++cell) {
     const Motion::Polynomial& c = motion.polynomial(cell);
     for (std::size_t i = 0; i < centre_.size(); ++i)
@@ -48,14 +52,20 @@ StartValues::Samples StartValues::equidistant(const Motion& motion, std::size_t 
   return samples;
 }
 
+std::size_t StartValues::histogram_of(double slope) const {
+  if (!(velocity_per_slope_ > 0.0)) return 0;
+  const double speed = static_cast<double>(speeds) * std::sqrt(std::abs(slope) / steepest_);
+  return (slope > 0.0 ? speeds : 0) + std::min(static_cast<std::size_t>(speed), speeds - 1);
+}
+
 void StartValues::add_samples(const Motion::Polynomial& c, const Samples& samples) {
   const std::complex<double>* local = samples.phases.data();
   for (const double s : samples.places) {
     const auto [d, slope] = value_and_slope_at(c, s);
     const double place =
-        static_cast<double>(bins - 1) * std::cbrt(std::clamp((d - lowest_) / span_, 0.0, 1.0));
-    const std::size_t first = velocity_per_slope_ > 0.0 && slope > 0.0 ? bins : 0;
-    const std::size_t bin = first + std::min(static_cast<std::size_t>(place), bins - 2);
+        static_cast<double>(bins_ - 1) * std::cbrt(std::clamp((d - lowest_) / span_, 0.0, 1.0));
+    const std::size_t bin =
+        histogram_of(slope) * bins_ + std::min(static_cast<std::size_t>(place), bins_ - 2);
     const double share = std::clamp((d - d_[bin]) / (d_[bin + 1] - d_[bin]), 0.0, 1.0);
     const double time = 1.0 / static_cast<double>(samples.places.size());
     time_[bin] += (1.0 - share) * time;

@@ -3,10 +3,10 @@
 // lower turning point.
 //
 // A histogram of d over the period, with the phases of the tones as weights, gives model phasors at the cost
-// of its bins, to a percent or so; where the force depends on velocity, one histogram a direction, with the
-// mean velocity in each bin, to some ten percent. On it p0 is scanned over depths below … above the turning
-// point and over the model's shapes; the linear parameters follow by least squares, held at 0 or above. The
-// best few minima of the scan are the starts.
+// of its bins, to a percent or so; where the force depends on velocity, one coarser histogram for each of a
+// few classes of velocity, with the mean velocity in each bin. On it p0 is scanned over depths below … above
+// the turning point and over the model's shapes; the linear parameters follow by least squares, held at 0 or
+// above. The best few minima of the scan are the starts.
 #pragma once
 
 #include <Eigen/Core>
@@ -55,7 +55,7 @@ class StartValues {
                  std::span<std::array<double, Model::parameters>, dispersed_depths> starts);
 
  private:
-  static constexpr std::size_t bins = 640;
+  static constexpr std::size_t speeds = 4;  // classes of velocity, each way
   static constexpr double worth_a_look = 1e3;
   static constexpr double doubt = 1e-5;  // (3 %)^2: error of the histogram's phasors, squared, of the forces'
 
@@ -71,6 +71,7 @@ class StartValues {
     std::vector<double> places;
     std::vector<std::complex<double>> phases;
   };
+  std::size_t histogram_of(double slope) const;
   static Samples equidistant(const Motion& motion, std::size_t count);
   void add_samples(const Motion::Polynomial& c, const Samples& samples);
 
@@ -88,9 +89,10 @@ class StartValues {
   void add_bin(const double* p, std::size_t bin);
 
   double velocity_per_slope_;
-  double lowest_ = 0.0, span_ = 0.0;
+  std::size_t bins_;  // of a histogram
+  double lowest_ = 0.0, span_ = 0.0, steepest_ = 0.0;
   std::vector<double> d_;  // of the bins: spaced as their index squared, closest at the turning point
-  // (re, im a tone) x bins, those of falling d and again those of rising d where velocity matters.
+  // (re, im a tone) x bins, of the classes of velocity one after the other: falling, then rising.
   Eigen::MatrixXd histogram_;
   std::vector<double> velocity_, time_;  // of the bins: mean, nm/s, and what it is the mean of
   Eigen::MatrixXd basis_;                // (re, im a tone) x parameters
