@@ -74,25 +74,21 @@ class RandomPixels {
     return pixel_of<KelvinVoigt>(bins, std::move(tones), std::move(truth));
   }
 
-  // Debye lengths of 1 to 100 mmol/l; the tip comes some of them below closest approach.
+  // Debye lengths of 100 to 4 mmol/l; the tip comes below closest approach. Around one mode, as for
+  // Lennard-Jones: four incommensurate tones turn too seldom where these forces act.
   ModelPixel dlvo() {
-    const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
-    const std::vector<double> stiffnesses{4.0, 78.5, 366.0, 1330.0};
-    Phasors tones = draw_tones(stiffnesses);
-    const double debye = uniform(1.0, 5.0);
-    std::vector<double> truth{ReferenceMotion(bins, tones).lowest_nm() + uniform(0.5, 1.5) * debye,
-                              uniform(1.0, 5.0), debye, uniform(0.5, 3.0)};
-    return pixel_of<Dlvo>(bins, std::move(tones), std::move(truth));
+    return around_one_mode<Dlvo>(12, [this](double lowest_nm) {
+      const double debye = uniform(1.0, 5.0);
+      return std::vector{lowest_nm + uniform(0.2, 1.0) * debye, uniform(1.0, 5.0), debye, uniform(0.5, 3.0)};
+    });
   }
 
-  // Turning points between zero force and some ten nanonewtons of repulsion.
+  // Turning points between the deepest attraction and some ten nanonewtons of repulsion.
   ModelPixel lennard_jones() {
-    const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
-    const std::vector<double> stiffnesses{4.0, 78.5, 366.0, 1330.0};
-    Phasors tones = draw_tones(stiffnesses);
-    const double sigma = uniform(0.25, 0.5), height = uniform(0.5, 0.6) * sigma;
-    std::vector<double> truth{ReferenceMotion(bins, tones).lowest_nm() - height, uniform(0.05, 0.5), sigma};
-    return pixel_of<LennardJones>(bins, std::move(tones), std::move(truth));
+    return around_one_mode<LennardJones>(12, [this](double lowest_nm) {
+      const double sigma = uniform(0.25, 0.5), height = uniform(0.5, 0.7) * sigma;
+      return std::vector{lowest_nm - height, uniform(0.05, 0.5), sigma};
+    });
   }
 
   // Two parameters, two tones.
@@ -104,10 +100,26 @@ class RandomPixels {
     return pixel_of<Model>(bins, std::move(tones), {uniform(-43.0, -37.0), uniform(0.4, 2.5)});
   }
 
-  // Two drive tones in the first mode's resonance and the products that contact makes of them, as many tones
-  // as asked for about 117 kHz, weaker and weaker away from the drive.
   template <typename Model>
   ModelPixel intermodulation(std::size_t count) {
+    return around_one_mode<Model>(count, [this](double lowest_nm) {
+      std::vector<double> truth{lowest_nm + uniform(1.5, 6.0), uniform(0.4, 2.5), uniform(2.0, 9.0),
+                                uniform(0.35, 0.8)};
+      truth.resize(Model::parameters);
+      return truth;
+    });
+  }
+
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
+
+ private:
+  // Two drive tones in the first mode's resonance and the products that contact makes of them, as many tones
+  // as asked for about 117 kHz, weaker and weaker away from the drive. `draw_truth`: of the lowest turning
+  // point.
+  template <typename Model, typename DrawTruth>
+  ModelPixel around_one_mode(std::size_t count, const DrawTruth& draw_truth) {
     std::vector<std::uint64_t> bins;
     Phasors tones;
     const double centre = 0.5 * static_cast<double>(count - 1);
@@ -117,18 +129,10 @@ class RandomPixels {
       const double amplitude_nm = away < 1.0 ? 12.0 : 0.8 * std::pow(0.85, away) * uniform(0.5, 1.0);
       tones.push_back(std::polar(amplitude_nm, uniform(-std::numbers::pi, std::numbers::pi)));
     }
-    const double lowest_nm = ReferenceMotion(bins, tones).lowest_nm();
-    std::vector<double> truth{lowest_nm + uniform(1.5, 6.0), uniform(0.4, 2.5), uniform(2.0, 9.0),
-                              uniform(0.35, 0.8)};
-    truth.resize(Model::parameters);
+    std::vector<double> truth = draw_truth(ReferenceMotion(bins, tones).lowest_nm());
     return pixel_of<Model>(bins, std::move(tones), std::move(truth));
   }
 
-  double uniform(double low, double high) {
-    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
-  }
-
- private:
   // Any phases; a sum of amplitudes of 46 to 50 nm, as contact leaves of the paper's 50.
   Phasors draw_tones(const std::vector<double>& stiffnesses) {
     const double exponent = uniform(-0.5, 0.0), total = uniform(46.0, 50.0);
