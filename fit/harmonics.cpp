@@ -7,7 +7,6 @@
 namespace combforce {
 namespace {
 
-constexpr double band_of_tones = 3.0;
 constexpr double negligible_compliance = 1e-3;
 constexpr std::size_t most_strong = 96;
 constexpr std::size_t most_harmonics = 100'000;
@@ -24,7 +23,8 @@ double compliant_band_hz(const Cantilever& cantilever) {
 
 }  // namespace
 
-Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delta_f_hz) {
+Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delta_f_hz,
+                     double band_of_tones) {
   std::uint64_t divisor = 0;
   for (const Tone& tone : comb.tones) divisor = std::gcd(divisor, tone.bin);
   for (const Tone& tone : comb.tones) tones_.push_back(tone.bin / divisor);

@@ -16,12 +16,17 @@ namespace combforce {
 // g Delta f. Immutable: may be shared by threads.
 class Harmonics {
  public:
-  // comb, cantilever: valid.
-  Harmonics(const Comb& comb, const Cantilever& cantilever, double delta_f_hz);
+  // Of the band in fastest tones. Beyond it forces move the tip too little to matter: parameters to 5e-5 for
+  // the paper's cases, to 2e-4 where the force sees the tip's velocity, to which fast motion matters more
+  // (a contact of a retardation time of 0.3 us: 2e-2 from a band of 3).
+  static constexpr double band_of_elastic_forces = 3.0, band_of_viscous_forces = 9.0;
 
-  // The band: up to three times the fastest tone, and to where the tip's compliance has fallen to a
-  // thousandth of the static one. Forces beyond move the tip too little to matter (parameters to 5e-5 for the
-  // paper's cases).
+  // comb, cantilever: valid.
+  Harmonics(const Comb& comb, const Cantilever& cantilever, double delta_f_hz,
+            double band_of_tones = band_of_elastic_forces);
+
+  // The band: up to so many times the fastest tone, and to where the tip's compliance has fallen to a
+  // thousandth of the static one.
   std::size_t band() const { return response_.size() - 1; }
   std::span<const std::size_t> tones() const { return tones_; }  // of the comb, in its order
   std::size_t highest_tone() const { return highest_tone_; }

@@ -193,7 +193,11 @@ class PixelFitter::State {
 
   static std::unique_ptr<Harmonics> harmonics_of(const FitConditions& conditions) {
     if (conditions.settings.refine == 0) return nullptr;
-    return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, spacing_hz(conditions));
+    const double band = visit_model(find_model(conditions.settings.model), [](auto type) {
+      return DependsOnVelocity<decltype(type)> ? Harmonics::band_of_viscous_forces
+                                               : Harmonics::band_of_elastic_forces;
+    });
+    return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, spacing_hz(conditions), band);
   }
 
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
