@@ -22,7 +22,7 @@ void validate(const Comb& comb) {
     if (bin > (n - 1) / 2)
       throw std::invalid_argument(
           fmt::format("comb.tones[{}].bin: {} is not below half of window_samples, {} (Nyquist)", i, bin, n));
-    if (std::find(bins.begin(), bins.end(), bin) != bins.end())
+    if (std::ranges::find(bins, bin) != bins.end())
       throw std::invalid_argument(fmt::format("comb.tones[{}].bin: {} occurs twice", i, bin));
     bins.push_back(bin);
   }

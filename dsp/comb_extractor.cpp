@@ -133,7 +133,7 @@ void CombExtractor::State::begin(std::uint64_t first_sample, std::uint32_t windo
   taken_ = clipped_ = chunks_done_ = 0;
   staged_ = folded_chunks_ = 0;
   std::fill_n(state_.get(), comb_.tones.size() * 2 * kernels_.lanes, 0.0);
-  std::fill(channel_sums_.begin(), channel_sums_.end(), 0.0);
+  std::ranges::fill(channel_sums_, 0.0);
 }
 
 template <typename Sample>

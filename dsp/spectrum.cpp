@@ -117,7 +117,7 @@ void WelchSpectrum::State::add_segment() {
 void WelchSpectrum::State::reset() {
   break_off();
   segments_ = 0;
-  std::fill(power_.begin(), power_.end(), 0.0);
+  std::ranges::fill(power_, 0.0);
 }
 
 std::vector<double> WelchSpectrum::State::density() const {

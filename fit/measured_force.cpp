@@ -81,9 +81,9 @@ void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, Eigen::Matri
   for (Eigen::Index noise = 0; noise < covariance.cols(); ++noise) {
     const double variance = detector_variances_[static_cast<std::size_t>(noise / 2)];
     if (variance == 0.0) continue;
-    for (Eigen::Index column = 0; column < covariance.cols(); ++column)
-      for (Eigen::Index row = 0; row < covariance.rows(); ++row)
-        covariance(row, column) += variance * gain(row, noise) * gain(column, noise);
+    for (Eigen::Index l = 0; l < covariance.cols(); ++l)
+      for (Eigen::Index k = 0; k < covariance.rows(); ++k)
+        covariance(k, l) += variance * gain(k, noise) * gain(l, noise);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <ceres/tiny_solver.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <complex>
@@ -282,11 +283,11 @@ class ModelFitter {
       good = solved && within(p, result, 1.0);
     }
     if (good) step(at, p);
-    std::copy(p.begin(), p.end(), result.parameters.begin());
+    std::ranges::copy(p, result.parameters.begin());
     const double chi2 = chi2_of_finer(whitening);
     const bool determined =
         estimate_uncertainty(at, measured.covariance(), chi2, measured.noise_known(), result);
-    const bool bounded = std::any_of(at.fixed.begin(), at.fixed.end(), [](bool fixed) { return fixed; });
+    const bool bounded = std::ranges::any_of(at.fixed, [](bool fixed) { return fixed; });
     if (!(good || (solved && (within(p, result, 10.0) || !determined))))
       result.status = FitStatus::not_converged;
     else if (bounded)

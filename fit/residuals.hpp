@@ -23,7 +23,7 @@ constexpr auto nonlinear_parameters() {
   std::array<std::size_t, Model::parameters - Model::linear.size()> result{};
   std::size_t count = 0;
   for (std::size_t k = 0; k < Model::parameters; ++k)
-    if (std::find(Model::linear.begin(), Model::linear.end(), k) == Model::linear.end()) result[count++] = k;
+    if (std::ranges::find(Model::linear, k) == Model::linear.end()) result[count++] = k;
   return result;
 }
 
@@ -200,7 +200,7 @@ class Residuals {
   }
 
   static Eigen::Index unknown(std::size_t parameter) {
-    return std::find(Model::linear.begin(), Model::linear.end(), parameter) - Model::linear.begin();
+    return std::ranges::find(Model::linear, parameter) - Model::linear.begin();
   }
 
   // Share of tone i in the scalar product that E is made of.

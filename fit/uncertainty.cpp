@@ -57,7 +57,7 @@ Normal normal_equations(const Linearization& at) {
 }  // namespace
 
 std::array<double, max_parameters> minimum_shift(const Linearization& at,
-                                                 Eigen::Ref<const Eigen::VectorXd> shift) {
+                                                 const Eigen::Ref<const Eigen::VectorXd>& shift) {
   const Normal normal = normal_equations(at);
   SmallVector right = SmallVector::Zero(at.jacobian.cols());
   for (Eigen::Index k = 0; k < right.size(); ++k)
@@ -73,8 +73,8 @@ std::array<double, max_parameters> minimum_shift(const Linearization& at,
   return result;
 }
 
-bool estimate_uncertainty(const Linearization& at, Eigen::Ref<const Eigen::MatrixXd> covariance, double chi2,
-                          bool noise_known, FitResult& result) {
+bool estimate_uncertainty(const Linearization& at, const Eigen::Ref<const Eigen::MatrixXd>& covariance,
+                          double chi2, bool noise_known, FitResult& result) {
   const Normal normal = normal_equations(at);
   if (!noise_known || !normal.regular) return normal.regular;
   const Eigen::Index count = at.jacobian.cols(), rows = at.jacobian.rows();

@@ -19,7 +19,7 @@ struct Linearization {
 // How far the minimum moves when the model's phasors change by `shift` (rows): -(J'WJ)^-1 J'W shift. 0 for
 // fixed parameters; NaN where J'WJ is singular. Does not allocate.
 std::array<double, max_parameters> minimum_shift(const Linearization& at,
-                                                 Eigen::Ref<const Eigen::VectorXd> shift);
+                                                 const Eigen::Ref<const Eigen::VectorXd>& shift);
 
 // Fills std_errors, correlation and chi2_reduced of `result`:
 //     cov = (J'WJ)^-1 J'W S WJ (J'WJ)^-1,   S = `covariance` of the residuals, rows x rows;
@@ -27,7 +27,7 @@ std::array<double, max_parameters> minimum_shift(const Linearization& at,
 // NaN for fixed parameters, and where a parameter is not determined at all. Returns whether J'WJ, scaled to a
 // unit diagonal, has eigenvalues within 1e-12 of each other: beyond, the parameters are not determined. Does
 // not allocate.
-bool estimate_uncertainty(const Linearization& at, Eigen::Ref<const Eigen::MatrixXd> covariance, double chi2,
-                          bool noise_known, FitResult& result);
+bool estimate_uncertainty(const Linearization& at, const Eigen::Ref<const Eigen::MatrixXd>& covariance,
+                          double chi2, bool noise_known, FitResult& result);
 
 }  // namespace combforce

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "daemon/cli/client.hpp"
 #include "daemon/cli/interrupt_flag.hpp"
@@ -33,8 +34,8 @@ std::size_t segment_for(const std::vector<OscillatorStart>& modes, double sample
 // Takes the blocks of a stream; stretches between gaps are runs.
 class StreamSpectrum {
  public:
-  StreamSpectrum(std::size_t segment_samples, double sample_rate_hz, const Channel& channel)
-      : welch_(segment_samples, sample_rate_hz), channel_(channel) {}
+  StreamSpectrum(std::size_t segment_samples, double sample_rate_hz, Channel channel)
+      : welch_(segment_samples, sample_rate_hz), channel_(std::move(channel)) {}
 
   void add(const SampleBlock& block) {
     const BlockHeader& header = block.header;

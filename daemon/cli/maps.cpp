@@ -47,8 +47,7 @@ Unit unit_of(std::string_view name) {
 }
 
 double value_of(const std::vector<NamedValue>& values, std::string_view name) {
-  const auto found =
-      std::find_if(values.begin(), values.end(), [&](const auto& v) { return v.name == name; });
+  const auto found = std::ranges::find_if(values, [&](const auto& v) { return v.name == name; });
   return found == values.end() ? nan : found->value;
 }
 
@@ -104,8 +103,7 @@ std::vector<double> MapWriter::map(Direction direction, std::string_view name) c
   if (found == side(direction).end()) return {};
   std::vector<double> dense(std::size_t{lines_} * columns_, nan);
   for (std::size_t line = 0; line < found->second.size(); ++line) {
-    std::copy(found->second[line].begin(), found->second[line].end(),
-              dense.begin() + static_cast<std::ptrdiff_t>(line * columns_));
+    std::ranges::copy(found->second[line], dense.begin() + static_cast<std::ptrdiff_t>(line * columns_));
   }
   return dense;
 }

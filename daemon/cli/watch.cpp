@@ -38,9 +38,7 @@ struct WatchOptions {
   bool start_scan = false, json = false;
 
   bool collects() const { return !maps.empty() || !truth.empty(); }
-  bool wants(const std::string& topic) const {
-    return std::find(topics.begin(), topics.end(), topic) != topics.end();
-  }
+  bool wants(const std::string& topic) const { return std::ranges::find(topics, topic) != topics.end(); }
 };
 
 class Watch {

@@ -37,7 +37,7 @@ std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Descriptio
 // An analysis with the objects that carry it out: the extraction thread owns `extractor`, fit worker i of
 // `workers` (0: nothing is fitted) owns fitters[i]. Everything is allocated here, before the stretch begins.
 struct AnalysisStage {
-  AnalysisStage(const StreamInfo& info, std::shared_ptr<const Analysis> analysis, unsigned workers);
+  AnalysisStage(const StreamInfo& info, std::shared_ptr<const Analysis> of, unsigned workers);
 
   // Extraction thread: gives the block's frames [from, until) to the extractor; returns how many it took.
   std::size_t add(const SampleBlock& block, std::uint64_t from, std::uint64_t until);

@@ -302,9 +302,9 @@ void Extraction::measure(OutputSlot& slot) {
     }
   } else {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-    std::fill(slot.pixel.phasors.begin(), slot.pixel.phasors.end(), std::complex<double>(nan, nan));
+    std::ranges::fill(slot.pixel.phasors, std::complex<double>(nan, nan));
     std::fill_n(slot.tip_nm.begin(), tones, std::complex<double>(nan, nan));
-    std::fill(slot.pixel.channel_means.begin(), slot.pixel.channel_means.end(), nan);
+    std::ranges::fill(slot.pixel.channel_means, nan);
   }
   slot.pixel.flags = flags_;
 }

@@ -20,7 +20,7 @@ FitPool::~FitPool() {
 
 bool FitPool::offer(std::uint32_t slot) {
   taken_seen_ = taken_.load();
-  auto least = std::max_element(workers_.begin(), workers_.end(), [](const auto& a, const auto& b) {
+  auto least = std::ranges::max_element(workers_, [](const auto& a, const auto& b) {
     return a->queue.write_available() < b->queue.write_available();
   });
   Worker& worker = **least;

@@ -74,7 +74,7 @@ void check_string(const JsonView& value, const Json& schema) {
   const auto& text = value.json().get_ref<const std::string&>();
   if (schema.contains("enum")) {
     const Json& names = schema["enum"];
-    if (std::find(names.begin(), names.end(), value.json()) == names.end()) {
+    if (std::ranges::find(names, value.json()) == names.end()) {
       value.fail(fmt::format("\"{:.40}\" is none of {}", text, names.dump()));
     }
   }
@@ -95,7 +95,7 @@ void check_string(const JsonView& value, const Json& schema) {
 
 void check_schema(const JsonView& value, const Json& schema) {
   for (const auto& item : schema.items()) {
-    if (std::find(keywords.begin(), keywords.end(), item.key()) == keywords.end()) {
+    if (std::ranges::find(keywords, item.key()) == keywords.end()) {
       throw std::logic_error(fmt::format("schema: unknown keyword {}", item.key()));
     }
   }

@@ -15,7 +15,7 @@ class LineFramer {
   // Calls on_line(std::string_view) for each line that `bytes` completes, without its end; the view is valid
   // during the call. False: a line is longer than the limit; nothing more may be fed then.
   template <class OnLine>
-  bool feed(std::string_view bytes, OnLine&& on_line) {
+  bool feed(std::string_view bytes, const OnLine& on_line) {
     while (!bytes.empty()) {
       const std::size_t end = bytes.find('\n');
       const std::string_view part = bytes.substr(0, end);

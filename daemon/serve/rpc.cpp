@@ -104,8 +104,7 @@ void RpcTable::add(RpcMethod method) {
 }
 
 const RpcMethod* RpcTable::find(std::string_view name) const {
-  const auto found =
-      std::find_if(methods_.begin(), methods_.end(), [&](const auto& m) { return m.name == name; });
+  const auto found = std::ranges::find_if(methods_, [&](const auto& m) { return m.name == name; });
   return found == methods_.end() ? nullptr : &*found;
 }
 
@@ -135,17 +134,15 @@ void RpcTable::handle_batch(const Json& requests, Subscriptions& caller,
     return;
   }
   const auto batch = std::make_shared<BatchAnswers>();
-  std::vector<std::size_t> place(requests.size());
-  for (std::size_t i = 0; i < requests.size(); ++i) {
-    place[i] = batch->due;
-    if (answer_is_due(requests[i])) ++batch->due;
-  }
+  batch->due = static_cast<std::size_t>(std::ranges::count_if(requests, answer_is_due));
   batch->answers.resize(batch->due);
-  for (std::size_t i = 0; i < requests.size(); ++i) {
-    call(requests[i], caller, [batch, reply, at = place[i]](Json answer) {
+  std::size_t place = 0;
+  for (const Json& request : requests) {
+    call(request, caller, [batch, reply, at = place](Json answer) {
       batch->answers[at] = std::move(answer);
       if (--batch->due == 0) reply(message_line(batch->answers));
     });
+    if (answer_is_due(request)) ++place;
   }
 }
 
@@ -192,7 +189,7 @@ Json RpcTable::discover() const {
     const Json required = method.params.value("required", Json::array());
     const Json properties = method.params.value("properties", Json::object());
     for (const auto& item : properties.items()) {
-      const bool needed = std::find(required.begin(), required.end(), item.key()) != required.end();
+      const bool needed = std::ranges::find(required, Json(item.key())) != required.end();
       params.push_back({{"name", item.key()}, {"required", needed}, {"schema", item.value()}});
     }
     methods.push_back({{"name", method.name},

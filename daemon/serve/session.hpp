@@ -33,7 +33,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void deliver(const Notification& notification);
   void deliver_loss(Topic topic, const Skipped& lost);
   // Takes no more requests, sends what is due, closes; after `patience` in any case.
-  void finish(std::string why, std::chrono::milliseconds patience);
+  void finish(std::string why, std::chrono::milliseconds at_most);
   void close(const std::string& why);
 
   const Subscriptions& subscriptions() const { return subscriptions_; }

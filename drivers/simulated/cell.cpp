@@ -52,7 +52,7 @@ ModeDynamics mode_dynamics(const Mode& mode) {
   return {{-decay, ringing}, {0.0, -omega * omega / (mode.stiffness_n_per_m * ringing)}};
 }
 
-CellTable::CellTable(const StateDynamics& dynamics, double length) : seconds(length) {
+CellTable::CellTable(const StateDynamics& dynamics, double cell_seconds) : seconds(cell_seconds) {
   force_re.resize(dynamics.modes());
   force_im.resize(dynamics.modes());
   for (const Complex& lambda : dynamics.lambda) {

@@ -43,7 +43,7 @@ struct StateDynamics {
 
 // Coefficients for cells of one length.
 struct CellTable {
-  CellTable(const StateDynamics& dynamics, double seconds);
+  CellTable(const StateDynamics& dynamics, double cell_seconds);
   // Renewed when the weights (the drive) change.
   void set_weights(const StateDynamics& dynamics);
 

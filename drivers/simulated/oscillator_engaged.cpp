@@ -227,7 +227,7 @@ void Oscillator::cross_sample() {
     const CellTable& cell = ladder_[level_];
     evaluate<Model>(cell, tip, force);
     const bool smooth = one_sided(tip, parameters_[0]);
-    const double nearest = *std::min_element(tip.begin(), tip.end()) - parameters_[0];
+    const double nearest = std::ranges::min(tip) - parameters_[0];
     const double coefficient = highest_coefficient(force);
     const bool clear = smooth && (nearest <= 0.0 || nearest > guard_nm_[level_]);
     if (level_ < finest && (!clear || coefficient > tolerances_.force_nn)) {
@@ -265,7 +265,7 @@ void Oscillator::engage(const ModelInfo& model, std::span<const double> paramete
     throw std::invalid_argument(fmt::format("parameters of model {}: {} values, must be {}", model.name,
                                             parameters.size(), model.parameters.size()));
   }
-  std::copy(parameters.begin(), parameters.end(), parameters_.begin());
+  std::ranges::copy(parameters, parameters_.begin());
   visit_model(model,
               [this]<typename Model>(Model /*type*/) { advance_ = &Oscillator::advance_engaged<Model>; });
 }

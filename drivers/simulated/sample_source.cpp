@@ -30,7 +30,7 @@ OscillatorSettings oscillator_settings(const SimulationSettings& settings) {
   return oscillator;
 }
 
-const SimulationSettings& validated(const SimulationSettings& settings) {
+SimulationSettings validated(const SimulationSettings& settings) {
   validate(settings);
   return settings;
 }

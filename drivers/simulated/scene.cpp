@@ -71,8 +71,9 @@ class Grains {
   Grains(double spacing_nm, double extent_x, double extent_y, Random& random)
       : spacing_(spacing_nm), columns_(squares(extent_x)), rows_(squares(extent_y)) {
     for (std::size_t i = 0; i < columns_ * rows_; ++i) {
-      const double x = (static_cast<double>(i % columns_) - 1.0 + random.uniform()) * spacing_;
-      const double y = (static_cast<double>(i / columns_) - 1.0 + random.uniform()) * spacing_;
+      const std::size_t column = i % columns_, row = i / columns_;
+      const double x = (static_cast<double>(column) - 1.0 + random.uniform()) * spacing_;
+      const double y = (static_cast<double>(row) - 1.0 + random.uniform()) * spacing_;
       tops_.push_back({x, y});
     }
   }
@@ -103,7 +104,7 @@ class Grains {
 
 void fill_flat(const SceneSettings& scene, SceneMaps& maps) {
   for (std::size_t p = 0; p < maps.parameters.size(); ++p) {
-    std::fill(maps.parameters[p].begin(), maps.parameters[p].end(), scene.materials[0].parameters[p]);
+    std::ranges::fill(maps.parameters[p], scene.materials[0].parameters[p]);
   }
 }
 
@@ -198,7 +199,7 @@ std::vector<bool> after_step(const SceneMaps& maps, const ScanLayout& layout, Di
   const auto differs = [&](std::size_t a, std::size_t b) {
     const auto in_parameter = [&](const std::vector<double>& map) { return map[a] != map[b]; };
     return std::abs(maps.height_nm[a] - maps.height_nm[b]) > height_nm ||
-           std::any_of(maps.parameters.begin(), maps.parameters.end(), in_parameter);
+           std::ranges::any_of(maps.parameters, in_parameter);
   };
   for (std::size_t i = 0; i < after.size(); ++i) {
     const std::size_t line_start = i - i % columns;

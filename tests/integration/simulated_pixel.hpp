@@ -28,7 +28,7 @@ struct SimulatedPixels {
   DriveScheme scheme = DriveScheme::equal_energy;
 
   // The paper's cantilever (table 1), driven and measured on these bins; free amplitudes sum to 50 nm.
-  static SimulatedPixels paper(std::vector<std::uint64_t> bins,
+  static SimulatedPixels paper(const std::vector<std::uint64_t>& bins,
                                DriveScheme scheme = DriveScheme::equal_energy) {
     return {{{{117e3, 212.0, 4.0, 1.0},
               {674e3, 457.0, 78.5, 1.0},

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 #include "drivers/simulated/random.hpp"
@@ -122,7 +123,8 @@ std::vector<std::complex<double>> noisy_tones(const CaseMotion& motion, std::siz
   for (std::size_t i = 0; i < tones.size(); ++i) {
     const Mode& mode = cantilever().modes[i];
     const double force_nn = std::sqrt(thermal_force_density(mode, temperature_k) * delta_f_hz);
-    const double quadrature_nm = mode.quality_factor / mode.stiffness_n_per_m * force_nn / std::sqrt(2.0);
+    const double quadrature_nm =
+        mode.quality_factor / mode.stiffness_n_per_m * force_nn / std::numbers::sqrt2;
     const double re = random.normal();
     const double im = random.normal();
     tones[i] += quadrature_nm * std::complex<double>(re, im);

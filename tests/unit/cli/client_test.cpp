@@ -50,7 +50,7 @@ class ClientTest : public testing::Test {
           table, [] {}, [](double) {});
     });
   }
-  ~ClientTest() override { stop(); }
+  void TearDown() override { stop(); }
 
   void stop() {
     server.stop();

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "drivers/simulated/scene.hpp"
@@ -51,7 +52,7 @@ class SceneReport : public testing::Test {
 
 TEST_F(SceneReport, TellsStepsFromTheInterior) {
   const std::vector<bool> step = after_step(scene, layout, Direction::trace, scene_step_nm);
-  const auto steps = static_cast<std::size_t>(std::count(step.begin(), step.end(), true));
+  const auto steps = static_cast<std::size_t>(std::ranges::count(step, true));
   ASSERT_GT(steps, 10U);
   const auto errors =
       compare_with_scene(simulation, layout, measured([&](std::size_t at) { return step[at] ? 2.0 : 0.5; }));

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <span>
 #include <stdexcept>
 
 #include "tests/unit/drivers/simulated_instrument.hpp"
@@ -56,8 +57,8 @@ std::function<bool(const BlockHeader&)> until(std::uint64_t sample) {
 
 bool scan_ended(const BlockHeader& header) {
   const auto marks = header.valid_marks();
-  return std::any_of(marks.begin(), marks.end(),
-                     [](const StreamMark& mark) { return mark.kind == StreamMark::Kind::scan_ended; });
+  return std::ranges::any_of(
+      marks, [](const StreamMark& mark) { return mark.kind == StreamMark::Kind::scan_ended; });
 }
 
 void expect_contiguous(const Captured& captured) {
@@ -83,8 +84,7 @@ std::vector<std::int16_t> undisturbed(SimulationSettings settings, std::uint64_t
 
 bool same_codes(const std::vector<std::int16_t>& block, const std::vector<std::int16_t>& stream,
                 std::uint64_t first_sample) {
-  return std::equal(block.begin(), block.end(),
-                    stream.begin() + static_cast<std::ptrdiff_t>(2 * first_sample));
+  return std::ranges::equal(block, std::span(stream).subspan(2 * first_sample, block.size()));
 }
 
 TEST(SimulatedDigitizer, DeliversContiguousBlocksOfItsSource) {

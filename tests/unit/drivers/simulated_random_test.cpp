@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 namespace combforce {
@@ -25,7 +26,7 @@ TEST(SimulatedRandom, NormalHasTheBellsDistribution) {
   std::vector<int> counts(intervals, 0);
   Random random(7);
   for (int i = 0; i < draws; ++i) {
-    const double probability = 0.5 * std::erfc(-random.normal() / std::sqrt(2.0));
+    const double probability = 0.5 * std::erfc(-random.normal() / std::numbers::sqrt2);
     ++counts[std::min(intervals - 1, static_cast<int>(probability * intervals))];
   }
   double chi2 = 0.0;
@@ -45,7 +46,8 @@ TEST(SimulatedRandom, TailIsExact) {
     beyond_4_5 += std::abs(x) > 4.5;
     negative += x < 0.0;
   }
-  const double p38 = std::erfc(3.8 / std::sqrt(2.0)) * draws, p45 = std::erfc(4.5 / std::sqrt(2.0)) * draws;
+  const double p38 = std::erfc(3.8 / std::numbers::sqrt2) * draws,
+               p45 = std::erfc(4.5 / std::numbers::sqrt2) * draws;
   // Poisson counts: five standard deviations.
   EXPECT_NEAR(beyond_3_8, p38, 5.0 * std::sqrt(p38));
   EXPECT_NEAR(beyond_4_5, p45, 5.0 * std::sqrt(p45));

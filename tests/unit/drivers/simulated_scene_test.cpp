@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
 
@@ -58,7 +59,7 @@ TEST(Scene, BlendHasBothPhasesAndTheirStep) {
 
 TEST(Scene, GrainsAreRoundAndAsHighAsAsked) {
   const SceneMaps maps = make_scene(blend(0.0, 1.5), find_model("dmt"), layout(200, 200));
-  const auto [low, high] = std::minmax_element(maps.height_nm.begin(), maps.height_nm.end());
+  const auto [low, high] = std::ranges::minmax_element(maps.height_nm);
   EXPECT_GE(*low, 0.0);
   EXPECT_LE(*high, 1.5);
   EXPECT_GT(*high, 1.4);

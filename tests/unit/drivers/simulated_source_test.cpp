@@ -234,8 +234,8 @@ TEST(SampleSource, ConverterClips) {
   const Produced free = produce(source, 2000, 1000);
   std::vector<std::int16_t> deflection;
   for (std::size_t i = 0; i < free.codes.size(); i += 2) deflection.push_back(free.codes[i]);
-  EXPECT_EQ(*std::max_element(deflection.begin(), deflection.end()), 32767);
-  EXPECT_EQ(*std::min_element(deflection.begin(), deflection.end()), -32768);
+  EXPECT_EQ(*std::ranges::max_element(deflection), 32767);
+  EXPECT_EQ(*std::ranges::min_element(deflection), -32768);
 }
 
 TEST(SampleSource, ClippedSpanReadsFullScaleAndLeavesZ) {

@@ -41,8 +41,7 @@ Comb spread_comb(std::uint64_t n) {
   const std::uint64_t last = (n - 1) / 2;
   for (const std::uint64_t bin :
        {std::uint64_t{1}, std::uint64_t{2}, std::uint64_t{3}, n / 7, n / 4, n / 3, last - 1, last})
-    if (bin >= 1 && bin <= last && std::find(bins.begin(), bins.end(), bin) == bins.end())
-      bins.push_back(bin);
+    if (bin >= 1 && bin <= last && std::ranges::find(bins, bin) == bins.end()) bins.push_back(bin);
   return comb_of(n, bins);
 }
 
@@ -172,7 +171,7 @@ TEST(CombExtractor, TestsReachTheTargetTheyName) {
     lanes.push_back(comb_kernels().lanes);
     hwy::SetSupportedTargetsForTest(0);
   }
-  EXPECT_TRUE(std::is_sorted(lanes.rbegin(), lanes.rend())) << "best first";
+  EXPECT_TRUE(std::ranges::is_sorted(lanes, std::ranges::greater())) << "best first";
   EXPECT_EQ(comb_kernels().lanes, lanes.front()) << "the best one runs when none is named";
   EXPECT_TRUE(lanes.size() == 1 || lanes.back() < lanes.front());
 }

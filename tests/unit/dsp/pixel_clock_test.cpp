@@ -96,7 +96,7 @@ TEST(PixelClock, ProductsBeyond64BitsDoNotOverflow) {
 }
 
 TEST(PixelClock, TheLastWindowsOfThePixelAreAnalysed) {
-  const LineMark mark{.first_sample = 1000, .line_samples = 4 * 350};
+  const LineMark mark{.first_sample = 1000, .line_samples = 1400};
   const PixelSpan pixel = pixel_of_line(mark, layout_of(4, 350, 50, 3), 100, 2);
   EXPECT_EQ(pixel.first_sample, 1700U);
   EXPECT_EQ(pixel.analysis_first, 1750U);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <limits>
@@ -114,8 +115,7 @@ TEST(WelchSpectrum, PowerOfASineIsHalfItsAmplitudeSquared) {
     spectrum.push(samples);
     EXPECT_NEAR(integral(spectrum), amplitude * amplitude / 2.0, 1e-3 * amplitude * amplitude) << bin;
     const std::vector<double> density = spectrum.density();
-    const auto peak =
-        static_cast<std::size_t>(std::max_element(density.begin(), density.end()) - density.begin());
+    const auto peak = static_cast<std::size_t>(std::ranges::max_element(density) - density.begin());
     EXPECT_EQ(peak, 20U);
   }
 }

@@ -1,6 +1,7 @@
 // The Jacobians that the solver and the error estimate see, against finite differences and the reference.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "fit/force_model.hpp"
@@ -72,7 +73,7 @@ std::array<Bounds, Model::parameters> bounds_about(const test::ModelPixel& pixel
 template <typename Model>
 void expect_jacobian_is_finite_differences(ResidualsOf<Model>& residuals, const test::ModelPixel& pixel) {
   std::array<double, Model::parameters> p;
-  std::copy(pixel.truth.begin(), pixel.truth.end(), p.begin());
+  std::ranges::copy(pixel.truth, p.begin());
   p[0] += 0.3;
   p[Model::parameters - 1] *= 1.2;
   const auto x = (*residuals).coordinates(p);
@@ -129,7 +130,7 @@ TEST(Residuals, DmtJacobianIsFiniteDifferencesWithALinearParameterHeld) {
   ResidualsOf<Dmt> residuals(pixel, bounds);
   expect_jacobian_is_finite_differences(residuals, pixel);
   std::array<double, 4> p;
-  std::copy(pixel.truth.begin(), pixel.truth.end(), p.begin());
+  std::ranges::copy(pixel.truth, p.begin());
   const auto x = (*residuals).coordinates(p);
   EXPECT_EQ((*residuals).parameters(x)[2], bounds[2].upper);
   EXPECT_TRUE((*residuals).held(x)[2]);
@@ -142,7 +143,7 @@ TEST(Residuals, LinearParametersAreThoseOfLeastSquares) {
   const test::ModelPixel pixel = draw.dmt();
   ResidualsOf<Dmt> residuals(pixel, bounds_about<Dmt>(pixel));
   std::array<double, 4> p;
-  std::copy(pixel.truth.begin(), pixel.truth.end(), p.begin());
+  std::ranges::copy(pixel.truth, p.begin());
   const auto x = (*residuals).coordinates(p);
   const auto solved = (*residuals).parameters(x);
   for (const std::size_t k : {std::size_t{1}, std::size_t{2}})
@@ -154,7 +155,7 @@ template <typename Model>
 void expect_linearization_is_the_references(const test::ModelPixel& pixel) {
   ResidualsOf<Model> residuals(pixel, bounds_about<Model>(pixel));
   std::array<double, Model::parameters> p;
-  std::copy(pixel.truth.begin(), pixel.truth.end(), p.begin());
+  std::ranges::copy(pixel.truth, p.begin());
   p[1] *= 1.1;
   Eigen::MatrixXd jacobian((*residuals).NumResiduals(), static_cast<Eigen::Index>(Model::parameters));
   Eigen::VectorXd differences((*residuals).NumResiduals());

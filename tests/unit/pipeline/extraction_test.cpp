@@ -1,6 +1,7 @@
 // Pixels from a stream to which things happen: losses, broken clocks, cut lines. No fits here.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -98,7 +99,7 @@ TEST(Extraction, CutsOfTheStreamIntoBlocksDoNotMatter) {
     stream.marks.push_back(line_mark(0, line, Direction::trace, 100 + 9000 * line, 8800));
   const Description how = description(4, 16, 550, 100, 2);
   const std::string whole = run(stream, one_channel(1e6, 40000), how, [] { return 40000U; }).lines;
-  EXPECT_EQ(std::count(whole.begin(), whole.end(), '\n'), 64);
+  EXPECT_EQ(std::ranges::count(whole, '\n'), 64);
   for (std::uint32_t seed = 0; seed < 5; ++seed)
     EXPECT_EQ(run(stream, one_channel(1e6, 700), how, sizes(seed, 700), 1 + seed % 3).lines, whole);
 }
@@ -204,7 +205,7 @@ TEST(Extraction, ABrokenClockVoidsTheReference) {
   // Line 2 begins at 12000; the clock breaks in its first pixel, and the rest of the line cannot be placed.
   ASSERT_EQ(recorded.pixels.size(), 21U);
   EXPECT_TRUE(recorded.pixels.back().flags.has(PixelFlag::gap));
-  EXPECT_NE(std::find(recorded.order.begin(), recorded.order.end(), "epoch"), recorded.order.end());
+  EXPECT_NE(std::ranges::find(recorded.order, "epoch"), recorded.order.end());
 }
 
 TEST(Extraction, AStepAndALineStartSettleFirst) {
@@ -266,7 +267,7 @@ TEST(Extraction, AScheduledChangeTakesEffectAtThePixelBoundary) {
   ASSERT_EQ(recorded.pixels.size(), 20U);
   for (const Pixel& pixel : recorded.pixels)
     EXPECT_NEAR(std::abs(pixel.phasors[0]), pixel.span.first_sample >= 3500 ? 10000.0 : 5000.0, 0.2);
-  EXPECT_EQ(std::count(recorded.order.begin(), recorded.order.end(), "change"), 1);
+  EXPECT_EQ(std::ranges::count(recorded.order, "change"), 1);
 }
 
 TEST(Extraction, WithoutACantileverTonesAreVoltsTimesTheChannelsLength) {

@@ -225,13 +225,13 @@ TEST(RecordingIndexProperty, AgreesWithAListOfEveryFrame) {
       if (line.first_sample > stream_of_frame.back() || end <= stream_of_frame.front()) continue;
       ++expected_lines;
       const auto survives = [&](std::uint64_t sample) { return sample >= line.first_sample && sample < end; };
-      const auto found = std::find_if(meta.lines.begin(), meta.lines.end(),
-                                      [&](const SigmfLine& entry) { return entry.mark == line; });
+      const auto found =
+          std::ranges::find_if(meta.lines, [&](const SigmfLine& entry) { return entry.mark == line; });
       ASSERT_NE(found, meta.lines.end());
-      EXPECT_EQ(found->sample_count, static_cast<std::uint64_t>(std::count_if(
-                                         stream_of_frame.begin(), stream_of_frame.end(), survives)));
-      const auto first = std::find_if(stream_of_frame.begin(), stream_of_frame.end(),
-                                      [&](std::uint64_t sample) { return sample >= line.first_sample; });
+      EXPECT_EQ(found->sample_count,
+                static_cast<std::uint64_t>(std::ranges::count_if(stream_of_frame, survives)));
+      const auto first = std::ranges::find_if(
+          stream_of_frame, [&](std::uint64_t sample) { return sample >= line.first_sample; });
       EXPECT_EQ(found->sample_start, static_cast<std::uint64_t>(first - stream_of_frame.begin()));
     }
     EXPECT_EQ(meta.lines.size(), expected_lines);

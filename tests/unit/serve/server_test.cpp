@@ -29,7 +29,7 @@ class ServerTest : public testing::Test {
   void run() {
     thread = std::thread([this] { server->run(instrument); });
   }
-  ~ServerTest() override {
+  void TearDown() override {
     if (thread.joinable()) {
       server->stop();
       thread.join();
