@@ -39,6 +39,14 @@ struct SimulatedPixels {
             scheme};
   }
 
+  // The first mode alone, driven on two neighbouring bins, measured on twelve about them.
+  static SimulatedPixels intermodulation() {
+    return {{{{117e3, 212.0, 4.0, 1.0}}},
+            {234, 235},
+            {229, 230, 231, 232, 233, 234, 235, 236, 237, 238, 239, 240},
+            DriveScheme::equal_amplitude};
+  }
+
   std::vector<std::complex<double>> drive_forces_nn() const {
     std::vector<double> frequencies_hz;
     for (const std::uint64_t bin : drive_bins) frequencies_hz.push_back(frequency_hz(bin));
