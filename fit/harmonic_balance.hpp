@@ -81,6 +81,18 @@ class HarmonicBalance {
     return bounded_[k].slope(x(index(k)), bounded_[k].value(x(index(k))));
   }
 
+  // By what to shorten a step from x so that it stays where a linear step means anything: 1 for short ones.
+  template <typename Step>
+  double shortening(const Coordinates& x, const Step& step) const {
+    double shortening = 1.0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const double change = std::abs(step(index(k)) * slope(k, x));
+      const double p = std::abs(bounded_[k].value(x(index(k))));
+      shortening = std::min(shortening, (k == 0 ? longest_step_nm : longest_step * p) / change);
+    }
+    return shortening;
+  }
+
   // Harmonics 0 … band, nm. What it holds at the tones is overwritten by what was measured.
   Spectrum& motion() { return motion_; }
   const Spectrum& motion() const { return motion_; }
@@ -99,6 +111,8 @@ class HarmonicBalance {
   // Phasors of harmonics 0 … band: the force, nN, and dF/dp_k.
   const Spectrum& force() const { return force_; }
   const Spectrum& derivative(std::size_t k) const { return derivatives_[k]; }
+  // F_model - F_measured at a tone, nN.
+  Complex residual(std::size_t tone) const { return force_[harmonics_->tones()[tone]] - forces_[tone]; }
   // |L^-1 F|^2 of the measured forces.
   double measured_square() const {
     for (std::size_t i = 0; i < forces_.size(); ++i) {
@@ -108,14 +122,12 @@ class HarmonicBalance {
     whiten(scratch_);
     return scratch_.squaredNorm();
   }
-  // F_model - F_measured at a tone.
-  Complex residual(std::size_t tone) const { return force_[harmonics_->tones()[tone]] - forces_[tone]; }
 
-  // What a change (x + iy) of the motion at harmonic m does to the force at n: re x + im y.
+  // What a change (x + iy) of the motion at harmonic m, of velocity i w_m (x + iy), does to the force at n:
+  // re x + im y. After linearize().
   struct Coupling {
     Complex re, im;
   };
-  // Its velocity is i w_m (x + iy).
   Coupling coupling(std::size_t n, std::size_t m) const {
     const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
     if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
@@ -141,6 +153,9 @@ class HarmonicBalance {
   }
 
  private:
+  // Of the surface position, and relative, of the others.
+  static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
+
   // i w_m.
   Complex turn(std::ptrdiff_t m) const {
     return {0.0, harmonics_->angular_frequency(static_cast<std::size_t>(m))};

@@ -76,7 +76,6 @@ class LoosenedBalance {
   static constexpr double least_decrease = 1e-3;
   static constexpr int most_stalled = 5;
   static constexpr double most_damping = 1e8;
-  static constexpr double longest_step_nm = 2.0, longest_step = 0.7;  // as self_consistent.hpp
   static constexpr Eigen::Index tile = 32;
 
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
@@ -102,7 +101,7 @@ class LoosenedBalance {
       damped_.diagonal() *= 1.0 + damping;
       factor_.compute(damped_);
       step_ = factor_.solve(gradient_);
-      limit_step(x);
+      step_ *= balance_->shortening(x, step_);
       motion_ = balance_->motion();
       force_ = balance_->force();
       const Coordinates next = x - step_.template head<count>();
@@ -183,16 +182,6 @@ class LoosenedBalance {
             jacobian_.middleCols(row, rows).transpose() * jacobian_.middleCols(column, columns);
       }
     gradient_.noalias() = jacobian_.transpose() * residuals_;
-  }
-
-  void limit_step(const Coordinates& x) {
-    double shrink = 1.0;
-    for (std::size_t k = 0; k < Model::parameters; ++k) {
-      const double p = std::abs(balance_->bounded(k).value(x(index(k))));
-      const double change = std::abs(step_(index(k)) * balance_->slope(k, x));
-      shrink = std::min(shrink, (k == 0 ? longest_step_nm : longest_step * p) / change);
-    }
-    if (shrink < 1.0) step_ *= shrink;
   }
 
   // The strong harmonics by the step, the others by what force_ makes of them.

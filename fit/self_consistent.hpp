@@ -275,13 +275,8 @@ class SelfConsistentFit {
     normal.diagonal().setConstant(1.0 + damping);
     const Coordinates scaled = scale.asDiagonal() * right;
     Coordinates step = scale.asDiagonal() * normal.ldlt().solve(scaled);
-    double shrink = 1.0;
-    for (std::size_t k = 0; k < count; ++k) {
-      const double change = std::abs(step(index(k)) * balance_->slope(k, at.x));
-      const double p = std::abs(balance_->bounded(k).value(at.x(index(k))));
-      shrink = std::min(shrink, (k == 0 ? longest_step_nm : longest_step * p) / change);
-    }
-    return shrink < 1.0 ? Coordinates(shrink * step) : step;
+    step *= balance_->shortening(at.x, step);
+    return step;
   }
 
   // Where the residuals are large Gauss-Newton steps overshoot, even to and fro without end. Near the minimum
@@ -329,9 +324,6 @@ class SelfConsistentFit {
   static constexpr std::size_t watch = 3;
   static constexpr double least_damping = 1e-8;
   static constexpr double most_relaxation = 10.0;
-  // Steps beyond leave the region where a linear step means anything: of the surface position, and relative,
-  // of the others.
-  static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
 
   HarmonicBalance<Model>* balance_;
   const Harmonics* harmonics_;
