@@ -1,5 +1,6 @@
 // The paper's fit of one model: starts, solver, quadrature control, status; with refinement, the starts of
-// what goes beyond it (refined_fit.hpp). Compiled for each model; pixel_fitter.hpp is the door.
+// what goes beyond it (refined_fit.hpp). Compiled for each model, in a unit of its own (fitters/), since that
+// takes long; pixel_fitter.hpp is the door.
 #pragma once
 
 #include <ceres/tiny_solver.h>
@@ -10,11 +11,13 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "fit/fit_result.hpp"
+#include "fit/fitter.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/measured_force.hpp"
 #include "fit/refined_fit.hpp"
@@ -28,20 +31,18 @@ namespace combforce {
 
 // Thread-bound. Only the constructor allocates.
 template <typename Model>
-class ModelFitter {
+class ModelFitter : public Fitter {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  // `harmonics`: null for the paper's fit; `refine`: iterations beyond it from each start.
-  ModelFitter(ForceBalance& balance, std::size_t tones, std::span<const Bounds> bounds,
-              const Harmonics* harmonics, std::uint32_t refine)
-      : balance_(&balance),
-        starts_(balance.motion(), DependsOnVelocity<Model> ? balance.velocity_per_slope() : 0.0),
-        residuals_(balance, tones),
-        jacobian_(static_cast<Eigen::Index>(2 * tones), Model::parameters),
-        differences_(static_cast<Eigen::Index>(2 * tones)),
-        finer_(static_cast<Eigen::Index>(2 * tones)),
-        bounds_(bounds.begin(), bounds.end()),
+  explicit ModelFitter(const FitterSetup& setup)
+      : balance_(&setup.balance),
+        starts_(setup.balance.motion(), DependsOnVelocity<Model> ? setup.balance.velocity_per_slope() : 0.0),
+        residuals_(setup.balance, setup.tones),
+        jacobian_(static_cast<Eigen::Index>(2 * setup.tones), Model::parameters),
+        differences_(static_cast<Eigen::Index>(2 * setup.tones)),
+        finer_(static_cast<Eigen::Index>(2 * setup.tones)),
+        bounds_(setup.bounds.begin(), setup.bounds.end()),
         in_force_(bounds_),
         beyond_paper_(bounds_) {
     // The solver sizes its workspace when it is first called: here, not at the first pixel.
@@ -49,15 +50,12 @@ class ModelFitter {
     x_.setZero();
     solver_.options.max_num_iterations = 0;
     solver_.Solve(residuals_, &x_);
-    if (harmonics != nullptr) refined_.emplace(*harmonics, refine);
+    if (setup.harmonics != nullptr) refined_.emplace(*setup.harmonics, setup.refine);
   }
 
-  // The balance holds the motion of these tones, nm. Fills `result`.
-  // `weights`: of squared residuals in the paper's fit and in all scans for starts, one a tone; `whitening`:
-  // of the refined fit and of chi^2. `start`: empty to scan.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
            std::span<const double> weights, const Whitening& whitening, std::span<const double> start,
-           FitResult& result) {
+           FitResult& result) override {
     residuals_.set_measured(measured.phasors(), weights);
     bound_to_motion();
     balance_->reset();
@@ -84,10 +82,8 @@ class ModelFitter {
     result.iterations += iterations_;
   }
 
-  // E at p (paper, equation 9) with these weights, on the first quadrature that the next finer one confirms
-  // to 1e-6.
   double error(const MeasuredForce& measured, std::span<const double> weights,
-               std::span<const double> parameters) {
+               std::span<const double> parameters) override {
     residuals_.set_measured(measured.phasors(), weights);
     balance_->reset();
     Parameters p;
@@ -335,5 +331,10 @@ class ModelFitter {
   std::optional<RefinedFit<Model>> refined_;
   std::uint32_t iterations_ = 0;
 };
+
+template <typename Model>
+std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup) {
+  return std::make_unique<ModelFitter<Model>>(setup);
+}
 
 }  // namespace combforce

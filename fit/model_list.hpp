@@ -15,16 +15,16 @@
 
 namespace combforce {
 
-// A new model is a header and an entry here.
+// A new model is a header, its fitter (fitters/) and an entry here.
 using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo>;
 
-// Calls function(Model{}) for the model that `info` describes and returns what it returns.
-template <typename Function, std::size_t Index = 0>
+// Calls function(Model{}) for the model that `info` describes, one of `Models`, and returns what it returns.
+template <typename Models = ForceModels, std::size_t Index = 0, typename Function>
 decltype(auto) visit_model(const ModelInfo& info, Function&& function) {
-  using Model = std::tuple_element_t<Index, ForceModels>;
-  if constexpr (Index + 1 < std::tuple_size_v<ForceModels>) {
+  using Model = std::tuple_element_t<Index, Models>;
+  if constexpr (Index + 1 < std::tuple_size_v<Models>) {
     if (info.name != Model::model.name)
-      return visit_model<Function, Index + 1>(info, std::forward<Function>(function));
+      return visit_model<Models, Index + 1>(info, std::forward<Function>(function));
   }
   return std::forward<Function>(function)(Model{});
 }

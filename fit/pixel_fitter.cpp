@@ -6,23 +6,17 @@
 #include <cmath>
 #include <cstdint>
 #include <stdexcept>
-#include <tuple>
-#include <utility>
-#include <variant>
 
+#include "fit/box_least_squares.hpp"
+#include "fit/fitter.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/harmonics.hpp"
 #include "fit/measured_force.hpp"
-#include "fit/model_fitter.hpp"
 #include "fit/model_list.hpp"
 #include "fit/whitening.hpp"
 
 namespace combforce {
 namespace {
-
-template <typename... Models>
-std::variant<ModelFitter<Models>...> variant_of(std::tuple<Models...>);
-using AnyModelFitter = decltype(variant_of(ForceModels{}));
 
 std::vector<std::uint64_t> bins_of(const Comb& comb) {
   std::vector<std::uint64_t> bins;
@@ -116,7 +110,7 @@ class PixelFitter::State {
         measured_(refers_ ? conditions : without_motion(conditions)),
         balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         harmonics_(harmonics_of(conditions)),
-        fitter_(make_fitter(conditions)),
+        fitter_(fitter_of(conditions.settings)),
         weights_(weights_of(conditions, measured_)),
         whitening_(whitening(measured_, weights_)),
         ones_(tones_, 1.0),
@@ -140,8 +134,7 @@ class PixelFitter::State {
       result = unfitted(FitStatus::not_converged, count);
     } else {
       set_motion(tip_nm);
-      std::visit([&](auto& fitter) { fitter.fit(measured_, tip_nm, weights_, whitening_, start, result); },
-                 fitter_);
+      fitter_->fit(measured_, tip_nm, weights_, whitening_, start, result);
       return;
     }
     result.virial_nn_nm = measured_.virial_nn_nm();
@@ -152,7 +145,7 @@ class PixelFitter::State {
     require_tones(tip_nm);
     measured_.set(tip_nm);
     set_motion(tip_nm);
-    return std::visit([&](auto& fitter) { return fitter.error(measured_, ones_, parameters); }, fitter_);
+    return fitter_->error(measured_, ones_, parameters);
   }
 
   const ModelInfo& model() const { return *model_; }
@@ -165,12 +158,10 @@ class PixelFitter::State {
     return conditions;
   }
 
-  AnyModelFitter make_fitter(const FitConditions& conditions) {
-    return visit_model(*model_, [&](auto type) -> AnyModelFitter {
-      // In place: the solver's workspace must not be copied before it is first used.
-      return AnyModelFitter(std::in_place_type<ModelFitter<decltype(type)>>, balance_, tones_,
-                            bounds_of(conditions.settings), harmonics_.get(), conditions.settings.refine);
-    });
+  std::unique_ptr<Fitter> fitter_of(const FitSettings& settings) {
+    const std::vector<Bounds> bounds = bounds_of(settings);
+    const FitterSetup setup{balance_, tones_, bounds, harmonics_.get(), settings.refine};
+    return visit_model(*model_, [&](auto type) { return make_fitter<decltype(type)>(setup); });
   }
 
   // By the noise where it is known; a refined fit without it weighs by the thermal forces' share, whatever
@@ -218,7 +209,7 @@ class PixelFitter::State {
   MeasuredForce measured_;
   ForceBalance balance_;
   std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
-  AnyModelFitter fitter_;
+  std::unique_ptr<Fitter> fitter_;
   std::vector<double> weights_;
   Whitening whitening_;
   std::vector<double> ones_;

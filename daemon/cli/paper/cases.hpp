@@ -6,9 +6,12 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "drivers/simulated/steady_state.hpp"
+#include "fit/dmt.hpp"
+#include "fit/hertz.hpp"
 #include "fit/pixel_fitter.hpp"
 
 namespace combforce::paper {
@@ -20,6 +23,9 @@ inline constexpr double temperature_k = 300.0;
 inline constexpr std::size_t all_draws = 100;  // of the noise, a case
 inline constexpr std::uint64_t seed = 2014;    // of the noise
 inline constexpr int printed_decimals = 2;     // of every value in the paper's tables
+
+// Of the cases.
+using Models = std::tuple<Hertz, Dmt>;
 
 // Per parameter, in the model's order.
 struct Printed {

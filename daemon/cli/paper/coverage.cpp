@@ -82,8 +82,9 @@ std::vector<double> bound_of(const FitConditions& conditions, const Phasors& tip
 
 std::vector<double> bound_of(const FitConditions& conditions, const Case& of, unsigned windows) {
   const Phasors tip_nm = ThermalPixels(of, windows, 0.0, 1).next(bins_of(conditions));
-  return visit_model(find_model(of.model),
-                     [&](auto model) { return bound_of<decltype(model)>(conditions, tip_nm, of.truth); });
+  return visit_model<Models>(find_model(of.model), [&](auto model) {
+    return bound_of<decltype(model)>(conditions, tip_nm, of.truth);
+  });
 }
 
 std::vector<FitResult> draw(const CoverageCase& of, const FitConditions& conditions, std::size_t pixels,

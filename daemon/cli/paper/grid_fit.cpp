@@ -86,7 +86,7 @@ GridProblem::GridProblem(const CaseMotion& motion, std::span<const Complex> tip_
 }
 
 GridFit GridProblem::fit(std::span<const double> start) const {
-  return visit_model(find_model(of_->model), [&](auto model) {
+  return visit_model<Models>(find_model(of_->model), [&](auto model) {
     Residuals<decltype(model)> residuals{d_nm_, turn_, measured_nn_};
     Eigen::VectorXd p = Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Index>(start.size()));
     Index evaluations = 0;

@@ -1,0 +1,52 @@
+// What a fit of one model does with one pixel. model_fitter.hpp is its only kind, a class template; this
+// interface keeps its instances in units of their own (fitters/).
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "fit/box_least_squares.hpp"
+#include "fit/fit_result.hpp"
+#include "fit/force_balance.hpp"
+#include "fit/harmonics.hpp"
+#include "fit/measured_force.hpp"
+#include "fit/whitening.hpp"
+
+namespace combforce {
+
+struct FitterSetup {
+  ForceBalance& balance;  // outlives the fitter
+  std::size_t tones;
+  std::span<const Bounds> bounds;  // one a parameter
+  const Harmonics* harmonics;      // outlives the fitter; null: the paper's fit
+  std::uint32_t refine;            // iterations beyond the paper's fit, from each start
+};
+
+// Thread-bound. fit() and error() do not allocate.
+class Fitter {
+ public:
+  Fitter() = default;
+  Fitter(const Fitter&) = delete;
+  Fitter& operator=(const Fitter&) = delete;
+  virtual ~Fitter() = default;
+
+  // The balance holds the motion of these tones, nm. Fills `result`.
+  // `weights`: of squared residuals in the paper's fit and in all scans for starts, one a tone; `whitening`:
+  // of the refined fit and of chi^2. `start`: empty to scan.
+  virtual void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
+                   std::span<const double> weights, const Whitening& whitening, std::span<const double> start,
+                   FitResult& result) = 0;
+
+  // E at `parameters` (paper, equation 9) with these weights, on the first quadrature that the next finer one
+  // confirms to 1e-6.
+  virtual double error(const MeasuredForce& measured, std::span<const double> weights,
+                       std::span<const double> parameters) = 0;
+};
+
+template <typename Model>
+std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup);
+
+}  // namespace combforce

@@ -1,0 +1,9 @@
+#include "fit/hertz.hpp"
+
+#include "fit/model_fitter.hpp"
+
+namespace combforce {
+
+template std::unique_ptr<Fitter> make_fitter<Hertz>(const FitterSetup&);
+
+}  // namespace combforce
