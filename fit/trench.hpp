@@ -44,7 +44,7 @@ class Trench {
   }
 
  private:
-  static constexpr double long_error = 0.15;
+  static constexpr double long_error = 0.05;
 
   double relative_error(std::size_t k) const { return result_->std_errors[k] / std::abs(p_[k]); }
 
