@@ -38,7 +38,8 @@ struct FitSettings {
   // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;
   std::vector<ParameterBounds> bounds;  // override the model's own
-  std::optional<TipGeometry> tip{};     // from which material parameters follow; does not change the fit
+  std::optional<TipGeometry> tip =
+      std::nullopt;  // from which material parameters follow; does not change the fit
 
   bool operator==(const FitSettings&) const = default;
 };

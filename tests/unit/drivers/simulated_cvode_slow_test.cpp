@@ -4,8 +4,6 @@
 
 namespace combforce::testing {
 
-constexpr double pm = 1e-3;
-
 // Peak phasors of every mode at the bins over the last 2 ms of 20, [mode][bin].
 std::vector<std::vector<std::complex<double>>> cvode_tones(const PaperCase& paper,
                                                            const OscillatorSettings& settings) {

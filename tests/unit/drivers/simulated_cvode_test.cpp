@@ -5,8 +5,6 @@
 
 namespace combforce::testing {
 
-constexpr double pm = 1e-3;
-
 struct Comparison {
   std::string model;
   std::vector<double> parameters;

@@ -17,6 +17,8 @@
 
 namespace combforce::testing {
 
+inline constexpr double pm = 1e-3;  // nm
+
 inline Cantilever paper_cantilever() {
   return {{{117e3, 212.0, 4.0, 1.0},
            {674e3, 457.0, 78.5, 1.0},

@@ -6,8 +6,6 @@
 
 namespace combforce::testing {
 
-constexpr double pm = 1e-3;
-
 class PaperCases : public ::testing::Test {
  protected:
   void SetUp() override {

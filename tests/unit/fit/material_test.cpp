@@ -12,7 +12,7 @@
 namespace combforce {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 TipGeometry tip_of(double radius_nm) {
   TipGeometry tip;

@@ -12,8 +12,8 @@ namespace combforce {
 namespace {
 
 using Complex = std::complex<double>;
+using std::numbers::pi;
 using ::testing::HasSubstr;
-constexpr double pi = std::numbers::pi;
 
 // Oracle: the plate's flow solved as a boundary integral (Tuck 1969). Point forces of density f along the
 // plate, |x| <= 1, make its velocity uniform: int f(y) A(lambda |x - y|) dy = 2 pi, with the transverse

@@ -13,7 +13,7 @@
 namespace combforce {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 TEST(ThermalOscillator, HasVarianceOne) {
   for (const double quality : {0.3, 2.0, 50.0}) {

@@ -8,6 +8,8 @@
 
 namespace combforce {
 
+inline const std::string example_file = "rec.sigmf-meta";
+
 inline const std::string sigmf_example_text = R"({
   "global": {
     "core:datatype": "ri16_le", "core:version": "1.2.5", "core:sample_rate": 1e6, "core:num_channels": 2,

@@ -12,8 +12,6 @@ namespace {
 
 using testing::HasSubstr;
 
-const std::string file = "rec.sigmf-meta";
-
 // One change of the example: `value` (absent: removal) at `pointer`, and where and how it is refused.
 struct Malformed {
   const char* pointer;
@@ -41,8 +39,8 @@ class SigmfMalformed : public testing::TestWithParam<Malformed> {};
 
 TEST_P(SigmfMalformed, IsRefusedAtItsPlace) {
   const Malformed& bad = GetParam();
-  const auto error = refusal([&] { parse_sigmf_meta(changed(bad.pointer, bad.value), file); });
-  EXPECT_EQ(error.file(), file);
+  const auto error = refusal([&] { parse_sigmf_meta(changed(bad.pointer, bad.value), example_file); });
+  EXPECT_EQ(error.file(), example_file);
   EXPECT_EQ(error.pointer(), bad.refused_at);
   EXPECT_THAT(error.message(), HasSubstr(bad.message));
 }
@@ -127,7 +125,7 @@ TEST(SigmfMalformedText, RefusesDuplicateKeys) {
   std::string text = sigmf_example_text;
   const std::string key = "\"core:sample_rate\": 1e6,";
   text.insert(text.find(key), key);
-  const auto error = refusal([&] { parse_sigmf_meta(parse_json(text, file), file); });
+  const auto error = refusal([&] { parse_sigmf_meta(parse_json(text, example_file), example_file); });
   EXPECT_EQ(error.pointer(), "/global/core:sample_rate");
   EXPECT_EQ(error.message(), "duplicate key");
 }
@@ -135,10 +133,10 @@ TEST(SigmfMalformedText, RefusesDuplicateKeys) {
 // Anything may be refused, but only as an InputError, and what is taken can be written and read again.
 void expect_refused_or_readable(const std::string& text) {
   try {
-    const SigmfMeta meta = parse_sigmf_meta(parse_json(text, file), file);
-    EXPECT_NO_THROW(parse_sigmf_meta(encode_sigmf(meta), file)) << text;
+    const SigmfMeta meta = parse_sigmf_meta(parse_json(text, example_file), example_file);
+    EXPECT_NO_THROW(parse_sigmf_meta(encode_sigmf(meta), example_file)) << text;
   } catch (const InputError& error) {
-    EXPECT_EQ(error.file(), file);
+    EXPECT_EQ(error.file(), example_file);
     EXPECT_FALSE(error.message().empty());
   }
 }

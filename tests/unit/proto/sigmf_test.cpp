@@ -13,10 +13,8 @@ namespace {
 
 using testing::HasSubstr;
 
-const std::string file = "rec.sigmf-meta";
-
 SigmfMeta parsed(const Json& json) {
-  return parse_sigmf_meta(json, file);
+  return parse_sigmf_meta(json, example_file);
 }
 
 Json minimal() {
