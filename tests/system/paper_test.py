@@ -22,6 +22,22 @@ class Paper(SystemTest):
             for figure in ["error_map.svg", "force_curves.svg", "motion.svg", "simulator_check.png"]:
                 self.assertGreater((output / figure).stat().st_size, 10000, figure)
 
+    def test_beyond_writes_tables_data_and_a_figure(self):
+        output, tables = self.directory / "beyond", self.directory / "beyond.json"
+        done = run(COMBFORCE, "paper", "--beyond", "--pixels", 3, "--output", output, "--json", tables, timeout=500)
+        self.assertEqual(0, done.returncode, done.stderr)
+        self.assertEqual(done.stdout, (output / "beyond.md").read_text())
+        read = json.loads(tables.read_text())
+        self.assertEqual(5, len(read["bias"]))
+        for row in read["bias"]:  # DMT at equal amplitude is the worst conditioned
+            share = 1e-3 if row["case"] == "dmt_4tone_equal_amplitude" else 2e-4
+            for name, truth in row["truth"].items():
+                bound = 1e-3 if name == "surface_position_nm" else share * truth
+                self.assertLess(abs(row["refined"][name] - truth), bound, (row["case"], name))
+        self.assertEqual([3] * 6, [row["pixels"] for row in read["coverage"]])
+        if shutil.which("gnuplot"):
+            self.assertGreater((output / "bias.svg").stat().st_size, 5000)
+
     def test_draws_out_of_range_are_a_usage_error(self):
         for draws in [1, 101]:
             self.assertEqual(2, run(COMBFORCE, "paper", "--draws", draws).returncode)

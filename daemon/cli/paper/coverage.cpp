@@ -80,13 +80,6 @@ std::vector<double> bound_of(const FitConditions& conditions, const Phasors& tip
   return bound;
 }
 
-std::vector<double> bound_of(const FitConditions& conditions, const Case& of, unsigned windows) {
-  const Phasors tip_nm = ThermalPixels(of, windows, 0.0, 1).next(bins_of(conditions));
-  return visit_model<Models>(find_model(of.model), [&](auto model) {
-    return bound_of<decltype(model)>(conditions, tip_nm, of.truth);
-  });
-}
-
 std::vector<FitResult> draw(const CoverageCase& of, const FitConditions& conditions, std::size_t pixels,
                             const std::function<void(std::size_t)>& progress) {
   std::vector<FitResult> results(pixels);
@@ -164,6 +157,15 @@ std::span<const CoverageCase> coverage_cases() {
   return all;
 }
 
+std::vector<double> least_errors(const CoverageCase& of) {
+  const Case& truth = find_case(of.paper_case);
+  const FitConditions conditions = conditions_of(of);
+  const Phasors tip_nm = ThermalPixels(truth, of.windows, 0.0, 1).next(bins_of(conditions));
+  return visit_model<Models>(find_model(truth.model), [&](auto model) {
+    return bound_of<decltype(model)>(conditions, tip_nm, truth.truth);
+  });
+}
+
 Coverage measure_coverage(const CoverageCase& of, std::size_t pixels,
                           const std::function<void(std::size_t)>& progress) {
   const Case& truth = find_case(of.paper_case);
@@ -177,7 +179,7 @@ Coverage measure_coverage(const CoverageCase& of, std::size_t pixels,
   coverage.fitted = fits.size();
   for (const FitResult& fit : fits)
     coverage.chi2_reduced += fit.chi2_reduced / static_cast<double>(fits.size());
-  const std::vector<double> bound = bound_of(conditions, truth, of.windows);
+  const std::vector<double> bound = least_errors(of);
   for (std::size_t k = 0; k < truth.truth.size(); ++k)
     coverage.parameters.push_back(judge(fits, k, truth.truth[k], bound[k]));
   return coverage;

@@ -47,6 +47,9 @@ struct Coverage {
   std::vector<ParameterCoverage> parameters;  // in the model's order
 };
 
+// The bound of each parameter.
+std::vector<double> least_errors(const CoverageCase& of);
+
 // Simulates and fits `pixels` pixels of a case on all cores; the same numbers on every run. Minutes for a
 // thousand pixels. `progress` is called from several threads, one at a time, with the pixels done so far; may
 // be empty.

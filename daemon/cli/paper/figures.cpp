@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 #include "daemon/cli/paper/fourier.hpp"
-#include "daemon/cli/paper/scripts.hpp"
+#include "daemon/cli/paper/report.hpp"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX leaves it to the user
 
@@ -175,12 +175,27 @@ void write_data(const std::filesystem::path& directory, const Results& results) 
   write_spectra(directory, motion);
 }
 
-Drawing draw(const std::filesystem::path& directory) {
-  for (const Script& script : scripts()) {
+void write_data(const std::filesystem::path& directory, const Beyond& beyond) {
+  DataFile file(
+      directory, "bias.dat",
+      "# case and parameter  distance from the truth: the paper's method, refined, and the bound; p0 of "
+      "1 nm, others of their value\n");
+  for (const Unbiased& row : beyond.cases)
+    for (std::size_t k = 0; k < row.of->truth.size(); ++k) {
+      const double truth = row.of->truth[k], scale = k == 0 ? 1.0 : std::abs(truth);
+      file.write(fmt::format("\"{}: p{}\" {:.4g} {:.4g} {:.4g}\n", name(*row.of), k,
+                             std::abs(row.partial.parameters[k] - truth) / scale,
+                             std::abs(row.refined.parameters[k] - truth) / scale, row.bound[k] / scale));
+    }
+  file.close();
+}
+
+Drawing draw(const std::filesystem::path& directory, std::span<const Script> scripts) {
+  for (const Script& script : scripts) {
     DataFile file(directory, fmt::format("{}.gp", script.name), script.text);
     file.close();
   }
-  for (const Script& script : scripts())
+  for (const Script& script : scripts)
     if (!run_gnuplot(directory, fmt::format("{}.gp", script.name))) return Drawing::no_gnuplot;
   return Drawing::done;
 }

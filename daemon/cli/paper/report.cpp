@@ -11,12 +11,10 @@
 namespace combforce::paper {
 namespace {
 
-constexpr std::array<std::string_view, 4> columns{"p0 (nm)", "p1 (GPa nm^1/2)", "p2 (nN)", "p3 (nm)"};
-
 std::string table_head(std::size_t parameters) {
   std::string names = "|  |", rule = "|---|";
   for (std::size_t k = 0; k < parameters; ++k) {
-    names += fmt::format(" {} paper | ours |", columns[k]);
+    names += fmt::format(" {} paper | ours |", parameter_heads[k]);
     rule += "---:|---:|";
   }
   return names + "\n" + rule + "\n";
@@ -52,10 +50,6 @@ std::string table(const Results& results, std::string_view model, std::string_vi
   return text + (remarks.empty() ? "" : "\n" + remarks) + "\n";
 }
 
-std::string name(const Case& of) {
-  return fmt::format("{}, {}", of.model == "dmt" ? "DMT" : "Hertz", of.label);
-}
-
 std::string status_text(const Draws& draws) {
   std::string text;
   for (const FitStatus status : {FitStatus::converged, FitStatus::ill_conditioned, FitStatus::ambiguous,
@@ -68,7 +62,7 @@ std::string status_text(const Draws& draws) {
 
 std::string draws_line(std::string_view label, const Draws& draws) {
   std::string text = fmt::format("| {} | {} |", label, status_text(draws));
-  for (std::size_t k = 0; k < columns.size(); ++k)
+  for (std::size_t k = 0; k < parameter_heads.size(); ++k)
     text += k < draws.scatter.size() ? fmt::format(" {:.2f} ({:.2f} … {:.2f}) |", draws.scatter[k].median,
                                                    draws.scatter[k].lower, draws.scatter[k].upper)
                                      : "  |";
@@ -85,7 +79,7 @@ std::string draws_text(const Results& results) {
       "not_converged and no_contact: unlike mean and standard deviation they do not depend on the few "
       "farthest.\n\n| case | draws |",
       find_model("dmt").parameters[3].lower);
-  for (const std::string_view column : columns) text += fmt::format(" {} |", column);
+  for (const std::string_view column : parameter_heads) text += fmt::format(" {} |", column);
   text += "\n|---|---|---:|---:|---:|---:|\n";
   for (const TableRow& row : results.rows)
     text += draws_line(name(*row.of), row.least) + draws_line("— from the truth", row.from_truth);
@@ -182,6 +176,10 @@ std::string motion_text(const Results& results) {
 }
 
 }  // namespace
+
+std::string name(const Case& of) {
+  return fmt::format("{}, {}", of.model == "dmt" ? "DMT" : "Hertz", of.label);
+}
 
 std::string markdown(const Results& results) {
   return "# Forchheimer, Borysov, Platz, Haviland 2014, from our own simulator and fitter\n\n"

@@ -2,7 +2,6 @@
 #include "proto/pixel_message.hpp"
 
 namespace combforce::paper {
-namespace {
 
 Json parameters_json(const Case& of, std::span<const double> values) {
   Json object = Json::object();
@@ -11,6 +10,8 @@ Json parameters_json(const Case& of, std::span<const double> values) {
     object[std::string(model.parameters[k].name)] = number9(values[k]);
   return object;
 }
+
+namespace {
 
 Json draws_json(const Case& of, const Draws& draws) {
   std::vector<double> mean, spread, lower, median, upper;

@@ -11,6 +11,7 @@ struct Script {
   std::string_view text;
 };
 
-std::span<const Script> scripts();
+std::span<const Script> scripts();         // of the reproduction
+std::span<const Script> beyond_scripts();  // of what lies beyond
 
 }  // namespace combforce::paper
