@@ -70,6 +70,7 @@ class Instrument::Impl {
     through.change = [this](std::uint64_t first_sample, const Analysis& analysis) {
       note_change(first_sample, analysis);
     };
+    configured_scan_ = description.scan;
     pipeline_.emplace(info, *sink_, configuration.pipeline, std::move(description), std::move(changes),
                       std::move(through));
     in_force_ = pipeline_->analysis()->description;
@@ -113,15 +114,19 @@ class Instrument::Impl {
   }
 
   Description description() const { return pipeline_->analysis()->description; }
+  std::optional<ScanLayout> configured_scan() const { return configured_scan_; }
 
   void start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
     if (digitizer_->status().scanning) throw std::logic_error("a scan is running");
     Description next = description();
-    if (layout) next.scan = *layout;
+    next.scan = layout ? layout : configured_scan_;
     if (!next.scan)
       throw std::invalid_argument("scan: missing: neither the request nor the configuration has one");
+    // The first line must already meet the new raster, and a scan that is refused must leave the old one.
+    const ScanLayout raster = make_analysis(info(), next)->layout;
+    if (info().has_scanner) digitizer_->prepare_scan(raster);
     pipeline_->change(next);
-    if (info().has_scanner) digitizer_->start_scan(pipeline_->analysis()->layout, frames);
+    if (info().has_scanner) digitizer_->start_scan(raster, frames);
   }
 
   void stop_scan() {
@@ -232,6 +237,7 @@ class Instrument::Impl {
   PipelineOutputs outputs_;
   std::unique_ptr<Digitizer> digitizer_;
   SimulatedDigitizer* simulated_ = nullptr;  // digitizer_ when it is one
+  std::optional<ScanLayout> configured_scan_;
   std::optional<BlockSink> sink_;
   std::optional<Recorder> recorder_;
   std::optional<TruthWriter> truth_;
@@ -260,6 +266,9 @@ InstrumentStatus Instrument::status() const {
 }
 Description Instrument::description() const {
   return impl_->description();
+}
+std::optional<ScanLayout> Instrument::configured_scan() const {
+  return impl_->configured_scan();
 }
 void Instrument::start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
   impl_->start_scan(layout, frames);

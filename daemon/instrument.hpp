@@ -46,6 +46,7 @@ class Instrument {
   const StreamInfo& info() const;
   InstrumentStatus status() const;
   Description description() const;  // as last set
+  std::optional<ScanLayout> configured_scan() const;
 
   // Controls. std::logic_error when the instrument cannot (no scanner, already recording);
   // std::invalid_argument or InputError on bad values; nothing has changed then.

@@ -70,8 +70,9 @@ Json scan_schema() {
 }
 
 // The configured layout with what the request says instead; empty when it says nothing.
-std::optional<ScanLayout> requested_layout(const JsonView& params, const Description& description) {
-  Json layout = description.scan ? encode(*description.scan) : Json::object();
+std::optional<ScanLayout> requested_layout(const JsonView& params,
+                                           const std::optional<ScanLayout>& configured) {
+  Json layout = configured ? encode(*configured) : Json::object();
   bool said = false;
   for (const auto& item : params.json().items()) {
     if (item.key() == "frames") continue;
@@ -86,7 +87,7 @@ std::optional<ScanLayout> requested_layout(const JsonView& params, const Descrip
 void add_scanner(RpcTable& table, Instrument& instrument) {
   table.add({"scan.start", "Scan with the given raster, or as configured.", scan_schema(), any_object(),
              RpcHandler([&instrument](const JsonView& params, Subscriptions&) -> Json {
-               const auto layout = requested_layout(params, instrument.description());
+               const auto layout = requested_layout(params, instrument.configured_scan());
                const auto frames = params.find("frames");
                instrument.start_scan(layout,
                                      frames ? static_cast<std::uint32_t>(frames->integer(0, max_u32)) : 1);

@@ -42,6 +42,30 @@ class Live(SystemTest):
         self.assertEqual(live, self.replay(meta, threads=1))
         self.assertEqual(live, self.replay(meta, threads=4))
 
+    def test_refused_scan_changes_nothing(self):
+        daemon, control, watcher = self.started()
+        meta = control.call("record.start", name="refused")["meta_path"]
+        error = control.request("scan.start", lines=1_000_000, columns=1_000_000)["error"]
+        self.assertIn("1000000000000", error["message"])
+        self.assertEqual(LINES, control.call("instrument.info")["scan"]["lines"])
+        control.call("scan.start", frames=1)
+        pixel_lines(watcher, LINES * COLUMNS)
+        control.call("record.stop")
+        daemon.end()
+        with open(meta, encoding="utf-8") as file:
+            written = json.load(file)
+        self.assertEqual([], [capture for capture in written["captures"] if "afm:scan" in capture])
+        self.assertEqual(LINES, written["global"]["afm:scan"]["lines"])
+
+    def test_options_of_a_scan_are_its_own(self):
+        _, control, watcher = self.started()
+        control.call("subscribe", topics=["frame"])
+        for options, pixels in [({"lines": 1, "columns": 3}, 3), ({"lines": 2}, 2 * COLUMNS), ({}, LINES * COLUMNS)]:
+            control.call("scan.start", frames=1, **options)
+            self.assertEqual(pixels, control.notification("frame")["counts"]["pixels"])
+            wait_for(lambda: not control.call("instrument.status")["scanning"], "the end of the scan")
+        pixel_lines(watcher, 3 + 2 * COLUMNS + LINES * COLUMNS)
+
     def test_discovery_lists_what_works(self):
         client = self.daemon(small_instrument()).client()
         methods = {method["name"] for method in client.call("rpc.discover")["methods"]}

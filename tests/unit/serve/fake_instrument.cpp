@@ -35,6 +35,9 @@ InstrumentStatus Instrument::status() const {
 Description Instrument::description() const {
   return fake_instrument().description;
 }
+std::optional<ScanLayout> Instrument::configured_scan() const {
+  return fake_instrument().configured_scan;
+}
 
 void Instrument::start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
   willing().scan_layout = layout;

@@ -16,7 +16,7 @@ struct FakeInstrument {
   Description description;
   InstrumentStatus status;
   Drive drive;
-  std::optional<ScanLayout> scan_layout;
+  std::optional<ScanLayout> configured_scan, scan_layout;
   std::uint32_t scan_frames = 0;
   std::vector<LineMark> lines;
   std::vector<std::string> recordings;

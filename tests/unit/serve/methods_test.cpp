@@ -22,7 +22,7 @@ class Methods : public testing::Test {
     scan.lines = 64;
     scan.columns = 32;
     scan.pixel_samples = 100000;
-    fake.description.scan = scan;
+    fake.description.scan = fake.configured_scan = scan;
   }
 
   // A table as of now: what is in it depends on what the digitizer can.
@@ -134,6 +134,13 @@ TEST_F(Methods, ScansAsConfiguredOrAsAsked) {
   EXPECT_TRUE(fake.scanning);
   result("scan.stop");
   EXPECT_FALSE(fake.scanning);
+}
+
+TEST_F(Methods, WhatAScanDoesNotSayIsAsConfiguredNotAsItLastWas) {
+  fake.description.scan->columns = 7;
+  result("scan.start", {{"lines", 8}});
+  ASSERT_TRUE(fake.scan_layout);
+  EXPECT_EQ(fake.scan_layout->columns, 32U);
 }
 
 TEST_F(Methods, ScanErrorsNameTheParameter) {
