@@ -107,6 +107,7 @@ class SocketServer::Impl {
   }
 
   void admit(StreamSocket socket) {
+    if (sessions_.size() >= max_clients) make_room();
     if (sessions_.size() >= max_clients) {
       spdlog::warn("a client was turned away: there are {} already", sessions_.size());
       return;
@@ -117,6 +118,16 @@ class SocketServer::Impl {
     sessions_.emplace(session.get(), session);
     spdlog::debug("client connected, {} now", sessions_.size());
     session->start();
+  }
+
+  // A client that only listens may be gone without our knowing it yet; one that comes has precedence.
+  void make_room() {
+    const auto listener =
+        std::ranges::find_if(sessions_, [](const auto& entry) { return entry.second->input_ended(); });
+    if (listener == sessions_.end()) return;
+    const std::shared_ptr<Session> session = listener->second;
+    spdlog::warn("a client that had ended its input was disconnected: there are {}", sessions_.size());
+    session->close("another client came");
   }
 
   void closed(Session& session, const std::string& why) {

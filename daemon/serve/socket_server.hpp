@@ -23,7 +23,7 @@ struct Wanted {
 
 class SocketServer {
  public:
-  static constexpr std::size_t max_clients = 64;  // more are turned away
+  static constexpr std::size_t max_clients = 64;  // more are turned away, unless one has ended its input
 
   struct Addresses {
     std::string unix_socket;            // "": none
