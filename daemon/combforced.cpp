@@ -70,8 +70,6 @@ int serve(const Configuration& configuration) {
   instrument.start();
   spdlog::info("{} runs at {} samples/s", instrument.info().name, instrument.info().sample_rate_hz);
   server.run(instrument);
-  spdlog::info("stopping");
-  instrument.stop();
   spdlog::info("stopped");
   return exit_done;
 }

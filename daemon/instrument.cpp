@@ -17,6 +17,9 @@ namespace combforce {
 namespace {
 
 constexpr std::size_t most_ring_bytes = std::size_t{1} << 30;  // each of the two
+// Whoever stops the daemon waits for this; what is left then can be replayed if it was recorded. Enough for a
+// pixel in each block of a full default ring at 0.3 s a fit on two workers.
+constexpr std::chrono::seconds most_drain{10};
 
 using WallClock = std::chrono::system_clock;
 
@@ -92,8 +95,8 @@ class Instrument::Impl {
 
   void stop() {
     digitizer_->stop();
+    pipeline_->stop(most_drain);
     if (recorder_->running()) stop_recording();
-    pipeline_->stop();
   }
 
   const StreamInfo& info() const { return digitizer_->info(); }

@@ -1,8 +1,9 @@
 // The whole instrument: a digitizer, the pipeline behind it and the recorder beside it, as configured. The
 // daemon serves one; `replay` and `simulate` run one offline.
 //
-// Thread rule: start(), stop(), wait() from one thread; the controls from one control thread (the I/O thread
-// of the daemon); status() from any. Controls do not wait for the stream.
+// Thread rule: start(), stop(), wait() from one thread at a time; the controls from one control thread (the
+// I/O thread of the daemon), during stop() only cancel_free() and set_spectrum_rate(); status() from any.
+// Controls do not wait for the stream.
 #pragma once
 
 #include <functional>
@@ -41,7 +42,9 @@ class Instrument {
 
   void start();
   void wait();  // for a stream that ends: until its last pixel is out
-  void stop();  // idempotent
+  // Ends the acquisition, analyses and puts out what was acquired (for ten seconds at most, as of
+  // Pipeline::stop()), closes the recording. Idempotent.
+  void stop();
 
   const StreamInfo& info() const;
   InstrumentStatus status() const;

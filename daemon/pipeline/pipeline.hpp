@@ -64,7 +64,7 @@ struct FrameDone {
 struct Event {
   std::string kind;
   std::uint64_t first_sample = 0;
-  std::uint64_t count = 0;  // frames lost, for gap and record_gap
+  std::uint64_t count = 0;  // frames lost, for gap and record_gap; not analysed, for stream_ended
   std::string text;
 };
 
@@ -111,7 +111,10 @@ class Pipeline {
 
   void start();
   void wait();  // until the stream has ended and every pixel is retired
-  void stop();  // cancels the sink, retires what is extracted, joins; idempotent
+  // Once the stream has ended: analyses what the ring still holds, but takes up nothing more after `drain`
+  // (the fits under way then are finished, at most FitPool::queue_depth a worker); `stream_ended` counts what
+  // is left. Before its end: cancels the sink. Idempotent.
+  void stop(std::chrono::milliseconds drain = {});
 
   // Controls, from any thread (the bodies of `done` included). They take effect at the next pixel boundary.
   void change(Description description);

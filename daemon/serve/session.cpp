@@ -87,7 +87,7 @@ void Session::finish_when_idle() {
 }
 
 void Session::received(std::size_t bytes) {
-  if (state_ != State::open) return;
+  if (state_ != State::open || deaf_) return;
   const bool fits = framer_.feed({input_.data(), bytes}, [this](std::string_view line) {
     if (state_ == State::open) handle(line);
   });

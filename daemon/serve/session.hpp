@@ -36,6 +36,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void start();
   void deliver(const Notification& notification);
   void deliver_loss(Topic topic, const Skipped& lost);
+  void ignore_input() { deaf_ = true; }  // from now on; what is due is still sent
   // Takes no more requests, sends what is due, closes; after `patience` in any case.
   void finish(std::string why, std::chrono::milliseconds at_most);
   void close(const std::string& why);
@@ -68,6 +69,7 @@ class Session : public std::enable_shared_from_this<Session> {
   LineFramer framer_{max_line_bytes};
   std::array<char, 16384> input_{};
   bool input_ended_ = false;
+  bool deaf_ = false;
   Subscriptions subscriptions_;
   std::uint64_t pixels_seen_ = 0;  // while subscribed to them
   std::chrono::steady_clock::time_point next_spectrum_;

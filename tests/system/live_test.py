@@ -101,6 +101,28 @@ class Live(SystemTest):
             self.assertIn("core:sha512", json.load(file)["global"])
         self.assertEqual(live, self.replay(meta)[:2 * COLUMNS])
 
+    def test_what_was_measured_reaches_subscribers_at_the_end(self):
+        daemon, control, watcher = self.started(lines=40, columns=40)
+        watcher.call("subscribe", topics=["pixel", "event"])
+        meta = control.call("record.start", name="ended")["meta_path"]
+        control.call("scan.start", frames=1)
+        received = [watcher.line() for _ in range(20)]
+        daemon.process.send_signal(signal.SIGTERM)
+        try:
+            while True:
+                received.append(watcher.line())
+        except ConnectionError:
+            pass
+        self.assertEqual(0, daemon.end(), daemon.log())
+        last = json.loads(received[-1])["params"]
+        self.assertEqual(("stream_ended", 0), (last["kind"], last["count"]), daemon.log())
+        with open(meta, encoding="utf-8") as file:
+            first = json.load(file)["captures"][0]["core:global_index"]
+        frames = (self.directory / "ended.sigmf-data").stat().st_size // 4  # two channels of two bytes
+        self.assertEqual(last["first_sample"], first + frames, "analysed and recorded to the same end")
+        live = [line for line in received if line.startswith(b'{"jsonrpc":"2.0","method":"pixel"')]
+        self.assertEqual(live, self.replay(meta))
+
     def test_recording_begun_after_the_clock_broke(self):
         # The reference is older than the recording and of its epoch: replay must believe in it as live did.
         configuration = small_instrument(LINES, COLUMNS)

@@ -25,7 +25,9 @@ Instrument::Instrument(const Configuration&, PipelineOutputs) {}
 Instrument::~Instrument() = default;
 void Instrument::start() {}
 void Instrument::wait() {}
-void Instrument::stop() {}
+void Instrument::stop() {
+  if (fake_instrument().on_stop) fake_instrument().on_stop();
+}
 const StreamInfo& Instrument::info() const {
   return fake_instrument().info;
 }

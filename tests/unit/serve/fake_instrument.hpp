@@ -23,6 +23,7 @@ struct FakeInstrument {
   std::uint32_t free_windows = 0;
   std::function<void(std::optional<FreeResponse>, std::string)> free_done;
   std::optional<FitSettings> fit;
+  std::function<void()> on_stop;
   bool scanning = false;
   double spectrum_hz = 0.0;
   std::string refuse;  // not empty: controls throw this
