@@ -186,6 +186,8 @@ class Instrument::Impl {
     });
   }
 
+  void cancel_free() { pipeline_->cancel_free(); }
+
   Drive drive() const { return digitizer_->drive(); }
 
   void set_drive(const Drive& drive) {
@@ -290,6 +292,9 @@ RecordingSummary Instrument::stop_recording() {
 }
 void Instrument::capture_free(std::uint32_t windows, FreeDone done) {
   impl_->capture_free(windows, std::move(done));
+}
+void Instrument::cancel_free() {
+  impl_->cancel_free();
 }
 Drive Instrument::drive() const {
   return impl_->drive();

@@ -62,6 +62,7 @@ class Instrument {
   // response it also gets why it is incoherent, if it is: pixels are flagged then, until a better one is
   // captured.
   void capture_free(std::uint32_t windows, FreeDone done);
+  void cancel_free();  // the capture under way, if there is one: its `done` says so
   Drive drive() const;
   void set_drive(const Drive& drive);
   void set_fit(const FitSettings& fit);

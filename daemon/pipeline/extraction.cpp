@@ -167,6 +167,10 @@ void Extraction::consume_free(const SampleBlock& block, std::uint64_t until) {
     cursor_ = until;
     return;
   }
+  if (free_windows_.cancelled()) {
+    end_capture("it was cancelled");
+    return;
+  }
   cursor_ = free_windows_.consume(*stage_, block, cursor_, until, settled_from());
   if (!free_windows_.complete()) return;
   end_capture(nullptr);

@@ -111,9 +111,17 @@ bool Pipeline::mark_line(const LineMark& mark) {
 void Pipeline::capture_free(std::uint32_t windows, FreeCapture::Done done) {
   if (windows == 0) throw std::invalid_argument("windows: 0 is below 1");
   const Comb comb = *analysis()->description.comb;
-  if (!extraction_->capture(
-          std::make_unique<FreeCapture>(windows, comb, settings_.drift_tolerance, std::move(done))))
+  auto capture = std::make_unique<FreeCapture>(windows, comb, settings_.drift_tolerance, std::move(done));
+  auto cancellation = capture->cancellation();
+  const std::scoped_lock lock(mutex_);
+  if (!extraction_->capture(std::move(capture)))
     throw std::logic_error("a capture of the free response is under way");
+  cancel_capture_ = std::move(cancellation);
+}
+
+void Pipeline::cancel_free() {
+  const std::scoped_lock lock(mutex_);
+  if (cancel_capture_ != nullptr) cancel_capture_->store(true, std::memory_order_relaxed);
 }
 
 void Pipeline::set_spectrum_rate(double hz) {

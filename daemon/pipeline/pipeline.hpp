@@ -126,6 +126,8 @@ class Pipeline {
   // another is under way.
   void capture_free(std::uint32_t windows,
                     std::function<void(std::optional<FreeResponse>, std::string)> done);
+  // Gives up the capture under way, if there is one: `done` says so.
+  void cancel_free();
   // As of SpectrumMonitor; 0 at first.
   void set_spectrum_rate(double hz);
 
@@ -144,8 +146,9 @@ class Pipeline {
   const unsigned workers_;
   const unsigned fitters_;  // one a worker, or none
   PipelineOutputs outputs_;
-  mutable std::mutex mutex_;  // of analysis_ and the order of change()
+  mutable std::mutex mutex_;  // of analysis_, the order of change(), and cancel_capture_
   std::shared_ptr<const Analysis> analysis_;
+  std::shared_ptr<std::atomic<bool>> cancel_capture_;  // of the last capture
   std::unique_ptr<OutputSlots> slots_;
   std::unique_ptr<FitPool> pool_;
   std::unique_ptr<Extraction> extraction_;

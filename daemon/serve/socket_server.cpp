@@ -136,6 +136,7 @@ class SocketServer::Impl {
   }
 
   void closed(Session& session, const std::string& why) {
+    table_->gone(session.subscriptions());
     sessions_.erase(&session);
     spdlog::debug("client disconnected: {}; {} left", why, sessions_.size());
     refresh_wanted();

@@ -2,6 +2,7 @@
 """The daemon over its socket: scan, record and stop; replay of what was recorded; kill -9; a client that stops reading."""
 import json
 import signal
+import socket
 import unittest
 
 from harness import COMBFORCE, SOURCE, SystemTest, pixel_lines, run, small_instrument, wait_for
@@ -65,6 +66,27 @@ class Live(SystemTest):
             self.assertEqual(pixels, control.notification("frame")["counts"]["pixels"])
             wait_for(lambda: not control.call("instrument.status")["scanning"], "the end of the scan")
         pixel_lines(watcher, 3 + 2 * COLUMNS + LINES * COLUMNS)
+
+    def test_capture_is_given_up_with_its_client(self):
+        daemon = self.daemon(small_instrument(LINES, COLUMNS))
+        control, impatient, halved = daemon.client(), daemon.client(), daemon.client()
+        capture = json.dumps({"jsonrpc": "2.0", "id": "long", "method": "free.capture", "params": {"windows": 1000000}})
+
+        def captured():
+            return "result" in control.request("free.capture", windows=8)
+
+        impatient.send(capture)
+        impatient.call("instrument.status")  # requests of a client are taken in order
+        self.assertFalse(captured())
+        impatient.close()
+        wait_for(captured, "the end of the long capture")
+        halved.send(capture)
+        halved.call("instrument.status")
+        halved.socket.shutdown(socket.SHUT_WR)  # it still listens
+        self.assertFalse(captured())
+        control.call("free.cancel")
+        self.assertEqual("it was cancelled", halved.message()["error"]["message"])
+        wait_for(captured, "a capture")
 
     def test_discovery_lists_what_works(self):
         client = self.daemon(small_instrument()).client()

@@ -66,6 +66,9 @@ void Instrument::capture_free(std::uint32_t windows,
   willing().free_windows = windows;
   fake_instrument().free_done = std::move(done);
 }
+void Instrument::cancel_free() {
+  ++fake_instrument().free_cancelled;
+}
 
 Drive Instrument::drive() const {
   return fake_instrument().drive;

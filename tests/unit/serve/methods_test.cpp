@@ -70,16 +70,16 @@ class Methods : public testing::Test {
 TEST_F(Methods, ListsWhatWorksHere) {
   EXPECT_THAT(names(), testing::UnorderedElementsAre("rpc.discover", "instrument.info", "instrument.status",
                                                      "scan.start", "scan.stop", "record.start", "record.stop",
-                                                     "free.capture", "drive.get", "drive.set", "model.list",
-                                                     "model.set", "subscribe", "unsubscribe"));
+                                                     "free.capture", "free.cancel", "drive.get", "drive.set",
+                                                     "model.list", "model.set", "subscribe", "unsubscribe"));
 }
 
 TEST_F(Methods, ListsNoScannerAndNoDriveWhereThereIsNone) {
   fake.info.has_scanner = fake.info.has_drive = fake.info.marks_lines = false;
-  EXPECT_THAT(names(),
-              testing::UnorderedElementsAre("rpc.discover", "instrument.info", "instrument.status",
-                                            "scan.line", "record.start", "record.stop", "free.capture",
-                                            "model.list", "model.set", "subscribe", "unsubscribe"));
+  EXPECT_THAT(names(), testing::UnorderedElementsAre("rpc.discover", "instrument.info", "instrument.status",
+                                                     "scan.line", "record.start", "record.stop",
+                                                     "free.capture", "free.cancel", "model.list", "model.set",
+                                                     "subscribe", "unsubscribe"));
   EXPECT_EQ(ask("scan.start")["error"]["code"], rpc_method_not_found);
 }
 
@@ -195,6 +195,19 @@ TEST_F(Methods, FreeCaptureAnswersOnTheIoThreadWhenItIsDone) {
   EXPECT_EQ(message["result"]["first_sample"], 77);
   EXPECT_EQ(message["result"]["mean_nm"], Json::parse("[[1.0,-2.0]]"));
   expect_pointer("free.capture", {{"windows", 0}}, "/windows");
+}
+
+TEST_F(Methods, FreeCaptureIsGivenUpWhenItsClientIsGoneOrOnRequest) {
+  ask("free.capture", {{"windows", 1000000}});
+  const Subscriptions other;
+  table().gone(other);
+  EXPECT_EQ(fake.free_cancelled, 0) << "another client's";
+  table().gone(caller);
+  EXPECT_EQ(fake.free_cancelled, 1);
+  table().gone(caller);
+  EXPECT_EQ(fake.free_cancelled, 1);
+  result("free.cancel");
+  EXPECT_EQ(fake.free_cancelled, 2);
 }
 
 TEST_F(Methods, FreeCaptureSaysWhyNot) {

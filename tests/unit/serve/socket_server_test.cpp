@@ -42,7 +42,11 @@ class Running {
     table.add({"big", "", anything, {}, RpcHandler([](const JsonView&, Subscriptions&) -> Json {
                  return std::string(8192, 'b');
                })});
-    table.add({"later", "", anything, {}, RpcDeferredHandler([this](const JsonView&, RpcRespond respond) {
+    table.add({"later",
+               "",
+               anything,
+               {},
+               RpcDeferredHandler([this](const JsonView&, const Subscriptions&, RpcRespond respond) {
                  const std::lock_guard lock(mutex);
                  deferred.push_back(std::move(respond));
                })});
