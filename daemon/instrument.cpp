@@ -70,6 +70,7 @@ class Instrument::Impl {
     sink_.emplace(configuration.pipeline.ring_blocks, block_bytes, info.when_full);
     recorder_.emplace(info, *sink_, outputs_.event);
     PipelineOutputs through = outputs_;
+    if (outputs_.event) through.event = [this](const Event& event) { outputs_.event(with_reason(event)); };
     through.change = [this](std::uint64_t first_sample, const Analysis& analysis) {
       note_change(first_sample, analysis);
     };
@@ -227,6 +228,13 @@ class Instrument::Impl {
     Description description = overlay(meta.description, configuration.description);
     digitizer_ = std::move(digitizer);
     return description;
+  }
+
+  // Of a stream that ended because it failed.
+  Event with_reason(Event event) const {
+    const StreamStatus stream = digitizer_->status();
+    if (event.kind == "stream_ended" && stream.state == StreamState::failed) event.text = stream.reason;
+    return event;
   }
 
   void note_change(std::uint64_t first_sample, const Analysis& analysis) {

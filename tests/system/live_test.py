@@ -188,6 +188,7 @@ class Live(SystemTest):
         self.assertIn("share no clock", error["message"])
         event = control.notification("event")
         self.assertEqual(("incoherent", error["message"]), (event["kind"], event["text"]))
+        self.assertIn("warning incoherent", daemon.log())
         control.call("subscribe", topics=["pixel"])
         control.call("scan.start", frames=1)
         self.assertIn("incoherent", control.notification("pixel")["flags"])
