@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "daemon/pipeline/drift.hpp"
 #include "daemon/record/truth_writer.hpp"
 #include "drivers/replay/replay_digitizer.hpp"
 #include "drivers/simulated/simulated_digitizer.hpp"
@@ -179,6 +180,7 @@ class Instrument::Impl {
       if (free) {
         Description next = description();
         next.free_response = free;
+        warn_of_lost_tone(next);
         pipeline_->change(std::move(next));
         if (!why.empty() && outputs_.event)
           outputs_.event({.kind = "incoherent", .first_sample = free->first_sample, .count = 0, .text = why});
@@ -228,6 +230,13 @@ class Instrument::Impl {
     Description description = overlay(meta.description, configuration.description);
     digitizer_ = std::move(digitizer);
     return description;
+  }
+
+  void warn_of_lost_tone(const Description& captured) const {
+    const FreeResponse& free = *captured.free_response;
+    const std::string why = find_lost_tone(*captured.comb, free);
+    if (!why.empty() && outputs_.event)
+      outputs_.event({.kind = "warning", .first_sample = free.first_sample, .count = 0, .text = why});
   }
 
   // Of a stream that ended because it failed.

@@ -193,6 +193,19 @@ class Live(SystemTest):
         control.call("scan.start", frames=1)
         self.assertIn("incoherent", control.notification("pixel")["flags"])
 
+    def test_capture_without_a_drive_warns(self):
+        configuration = small_instrument(LINES, COLUMNS)
+        configuration["digitizer"]["simulation"]["drive"] = {"scheme": "amplitudes", "amplitudes_nm": [0, 0]}
+        daemon = self.daemon(configuration)
+        control = daemon.client()
+        control.call("subscribe", topics=["event"])
+        control.call("free.capture", windows=8)
+        event = control.notification("event")
+        while event["kind"] != "warning":
+            event = control.notification("event")
+        self.assertIn("is noise", event["text"])
+        self.assertIn("warning warning at", daemon.log())
+
     def test_spectra_of_the_deflection(self):
         control = self.daemon(small_instrument(LINES, COLUMNS)).client()
         control.call("subscribe", topics=["spectrum"], spectrum_hz=10)
