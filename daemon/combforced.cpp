@@ -37,9 +37,15 @@ void start_logging(const std::string& level) {
   spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %^%l%$ %v", spdlog::pattern_time_type::utc);
 }
 
+spdlog::level::level_enum rank_of(const Event& event) {
+  if (event.kind == "record_failed") return spdlog::level::err;
+  if (event.kind == "stream_ended") return event.text.empty() ? spdlog::level::info : spdlog::level::err;
+  return event.kind == "scan_ended" ? spdlog::level::info : spdlog::level::warn;
+}
+
 void log_event(const Event& event) {
-  spdlog::info("{} at sample {}{}{}", event.kind, event.first_sample, event.text.empty() ? "" : ": ",
-               event.text);
+  spdlog::log(rank_of(event), "{} at sample {}{}{}", event.kind, event.first_sample,
+              event.text.empty() ? "" : ": ", event.text);
 }
 
 PipelineOutputs outputs_to(Server& server) {
@@ -70,8 +76,6 @@ int serve(const Configuration& configuration) {
   instrument.start();
   spdlog::info("{} runs at {} samples/s", instrument.info().name, instrument.info().sample_rate_hz);
   server.run(instrument);
-  spdlog::info("stopping");
-  instrument.stop();
   spdlog::info("stopped");
   return exit_done;
 }

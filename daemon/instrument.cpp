@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "daemon/pipeline/drift.hpp"
 #include "daemon/record/truth_writer.hpp"
 #include "drivers/replay/replay_digitizer.hpp"
 #include "drivers/simulated/simulated_digitizer.hpp"
@@ -17,6 +18,9 @@ namespace combforce {
 namespace {
 
 constexpr std::size_t most_ring_bytes = std::size_t{1} << 30;  // each of the two
+// Whoever stops the daemon waits for this; what is left then can be replayed if it was recorded. Enough for a
+// pixel in each block of a full default ring at 0.3 s a fit on two workers.
+constexpr std::chrono::seconds most_drain{10};
 
 using WallClock = std::chrono::system_clock;
 
@@ -67,9 +71,11 @@ class Instrument::Impl {
     sink_.emplace(configuration.pipeline.ring_blocks, block_bytes, info.when_full);
     recorder_.emplace(info, *sink_, outputs_.event);
     PipelineOutputs through = outputs_;
+    if (outputs_.event) through.event = [this](const Event& event) { outputs_.event(with_reason(event)); };
     through.change = [this](std::uint64_t first_sample, const Analysis& analysis) {
       note_change(first_sample, analysis);
     };
+    configured_scan_ = description.scan;
     pipeline_.emplace(info, *sink_, configuration.pipeline, std::move(description), std::move(changes),
                       std::move(through));
     in_force_ = pipeline_->analysis()->description;
@@ -91,8 +97,8 @@ class Instrument::Impl {
 
   void stop() {
     digitizer_->stop();
+    pipeline_->stop(most_drain);
     if (recorder_->running()) stop_recording();
-    pipeline_->stop();
   }
 
   const StreamInfo& info() const { return digitizer_->info(); }
@@ -113,15 +119,19 @@ class Instrument::Impl {
   }
 
   Description description() const { return pipeline_->analysis()->description; }
+  std::optional<ScanLayout> configured_scan() const { return configured_scan_; }
 
   void start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
     if (digitizer_->status().scanning) throw std::logic_error("a scan is running");
     Description next = description();
-    if (layout) next.scan = *layout;
+    next.scan = layout ? layout : configured_scan_;
     if (!next.scan)
       throw std::invalid_argument("scan: missing: neither the request nor the configuration has one");
+    // The first line must already meet the new raster, and a scan that is refused must leave the old one.
+    const ScanLayout raster = make_analysis(info(), next)->layout;
+    if (info().has_scanner) digitizer_->prepare_scan(raster);
     pipeline_->change(next);
-    if (info().has_scanner) digitizer_->start_scan(pipeline_->analysis()->layout, frames);
+    if (info().has_scanner) digitizer_->start_scan(raster, frames);
   }
 
   void stop_scan() {
@@ -170,6 +180,7 @@ class Instrument::Impl {
       if (free) {
         Description next = description();
         next.free_response = free;
+        warn_of_lost_tone(next);
         pipeline_->change(std::move(next));
         if (!why.empty() && outputs_.event)
           outputs_.event({.kind = "incoherent", .first_sample = free->first_sample, .count = 0, .text = why});
@@ -177,6 +188,8 @@ class Instrument::Impl {
       done(std::move(free), std::move(why));
     });
   }
+
+  void cancel_free() { pipeline_->cancel_free(); }
 
   Drive drive() const { return digitizer_->drive(); }
 
@@ -219,6 +232,20 @@ class Instrument::Impl {
     return description;
   }
 
+  void warn_of_lost_tone(const Description& captured) const {
+    const FreeResponse& free = *captured.free_response;
+    const std::string why = find_lost_tone(*captured.comb, free);
+    if (!why.empty() && outputs_.event)
+      outputs_.event({.kind = "warning", .first_sample = free.first_sample, .count = 0, .text = why});
+  }
+
+  // Of a stream that ended because it failed.
+  Event with_reason(Event event) const {
+    const StreamStatus stream = digitizer_->status();
+    if (event.kind == "stream_ended" && stream.state == StreamState::failed) event.text = stream.reason;
+    return event;
+  }
+
   void note_change(std::uint64_t first_sample, const Analysis& analysis) {
     {
       const std::scoped_lock lock(mutex_);
@@ -232,6 +259,7 @@ class Instrument::Impl {
   PipelineOutputs outputs_;
   std::unique_ptr<Digitizer> digitizer_;
   SimulatedDigitizer* simulated_ = nullptr;  // digitizer_ when it is one
+  std::optional<ScanLayout> configured_scan_;
   std::optional<BlockSink> sink_;
   std::optional<Recorder> recorder_;
   std::optional<TruthWriter> truth_;
@@ -261,6 +289,9 @@ InstrumentStatus Instrument::status() const {
 Description Instrument::description() const {
   return impl_->description();
 }
+std::optional<ScanLayout> Instrument::configured_scan() const {
+  return impl_->configured_scan();
+}
 void Instrument::start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
   impl_->start_scan(layout, frames);
 }
@@ -278,6 +309,9 @@ RecordingSummary Instrument::stop_recording() {
 }
 void Instrument::capture_free(std::uint32_t windows, FreeDone done) {
   impl_->capture_free(windows, std::move(done));
+}
+void Instrument::cancel_free() {
+  impl_->cancel_free();
 }
 Drive Instrument::drive() const {
   return impl_->drive();

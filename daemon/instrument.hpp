@@ -1,8 +1,9 @@
 // The whole instrument: a digitizer, the pipeline behind it and the recorder beside it, as configured. The
 // daemon serves one; `replay` and `simulate` run one offline.
 //
-// Thread rule: start(), stop(), wait() from one thread; the controls from one control thread (the I/O thread
-// of the daemon); status() from any. Controls do not wait for the stream.
+// Thread rule: start(), stop(), wait() from one thread at a time; the controls from one control thread (the
+// I/O thread of the daemon), during stop() only cancel_free() and set_spectrum_rate(); status() from any.
+// Controls do not wait for the stream.
 #pragma once
 
 #include <functional>
@@ -41,11 +42,14 @@ class Instrument {
 
   void start();
   void wait();  // for a stream that ends: until its last pixel is out
-  void stop();  // idempotent
+  // Ends the acquisition, analyses and puts out what was acquired (for ten seconds at most, as of
+  // Pipeline::stop()), closes the recording. Idempotent.
+  void stop();
 
   const StreamInfo& info() const;
   InstrumentStatus status() const;
   Description description() const;  // as last set
+  std::optional<ScanLayout> configured_scan() const;
 
   // Controls. std::logic_error when the instrument cannot (no scanner, already recording);
   // std::invalid_argument or InputError on bad values; nothing has changed then.
@@ -58,6 +62,7 @@ class Instrument {
   // response it also gets why it is incoherent, if it is: pixels are flagged then, until a better one is
   // captured.
   void capture_free(std::uint32_t windows, FreeDone done);
+  void cancel_free();  // the capture under way, if there is one: its `done` says so
   Drive drive() const;
   void set_drive(const Drive& drive);
   void set_fit(const FitSettings& fit);

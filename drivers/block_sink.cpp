@@ -32,6 +32,7 @@ BlockSink::BlockSink(std::size_t slots, std::size_t block_bytes, WhenFull when_f
 
 bool BlockSink::push(const BlockHeader& header, const void* samples) {
   const bool delivered = push_to(extraction_, header, samples);
+  if (!delivered && waiting_ended_.load() && when_full_ == WhenFull::wait) return false;
   if (recording_.load()) {
     if (recording_restarted_.exchange(false)) {
       recorder_.lost = 0;

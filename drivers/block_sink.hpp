@@ -76,6 +76,8 @@ class BlockSink {
   void close();
   bool closed() const { return closed_.load(); }
   // For a digitizer's stop(): ends a push() that waits; from now on push() drops when full. Consumers go on.
+  // Of a source that can wait, a block that the extraction ring has no room for then is not recorded either:
+  // the stream ends before it.
   void stop_waiting();
   // Ends every wait; push() drops from now on.
   void cancel();

@@ -4,6 +4,10 @@
 
 namespace combforce {
 
+void Digitizer::prepare_scan(const ScanLayout& /*layout*/) {
+  throw std::logic_error(info().name + " has no scanner: prepare_scan() is not available");
+}
+
 void Digitizer::start_scan(const ScanLayout& /*layout*/, std::uint32_t /*frames*/) {
   throw std::logic_error(info().name + " has no scanner: start_scan() is not available");
 }

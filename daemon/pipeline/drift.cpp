@@ -12,6 +12,7 @@ constexpr std::uint64_t least_windows = 4;
 // for noise. 0.9 is an amplitude of four times the noise.
 constexpr double least_overlap = 0.9;
 constexpr double deviations = 4.0;
+constexpr double deviations_of_a_tone = 3.0;
 
 double variance_of(const FreeResponse& response, std::size_t tone) {
   if (!response.covariance) return 0.0;
@@ -81,6 +82,22 @@ std::string find_change(const Comb& comb, const FreeResponse& before, const Free
         "since sample {} the free response of the tone of bin {} changed by {:.3g} of itself, more than "
         "{:.3g}: forces measured between refer to a motion that no longer was",
         before.first_sample, comb.tones[i].bin, change / size, tolerance);
+  }
+  return worst;
+}
+
+std::string find_lost_tone(const Comb& comb, const FreeResponse& response) {
+  std::string worst;
+  double least = deviations_of_a_tone;
+  for (std::size_t i = 0; i < comb.tones.size(); ++i) {
+    const double size = std::abs(response.mean_nm[i]);
+    const double noise = std::sqrt(variance_of(response, i));
+    if (!comb.tones[i].driven || !(size < least * noise)) continue;
+    least = size / noise;
+    worst = fmt::format(
+        "the free response of the tone of bin {} is noise: {:.3g} nm, less than {:g} times its standard "
+        "deviation of {:.3g} nm; is the drive on?",
+        comb.tones[i].bin, size, deviations_of_a_tone, noise);
   }
   return worst;
 }

@@ -68,7 +68,7 @@ void Extraction::process(const SampleBlock& block) {
   next_sample_.store(cursor_, std::memory_order_relaxed);
 }
 
-void Extraction::finish() {
+void Extraction::finish(std::uint64_t stream_end) {
   if (marked_) {
     cut_line();
   } else if (in_pixel() && flags_.has(PixelFlag::gap)) {
@@ -77,8 +77,19 @@ void Extraction::finish() {
   }
   end_frame();
   if (free_windows_.wanted()) end_capture("the stream ended");
-  next_slot(OutputSlot::Kind::end, cursor_);
+  OutputSlot& slot = next_slot(OutputSlot::Kind::end, cursor_);
+  slot.count = started_ && stream_end > cursor_ ? stream_end - cursor_ : 0;
   slots_.commit_complete();
+}
+
+bool Extraction::out_of_time() const {
+  return Clock::now().time_since_epoch().count() > drain_until_.load(std::memory_order_relaxed);
+}
+
+bool Extraction::may_wait_for_fits() const {
+  constexpr Clock::rep not_draining = Clock::time_point::max().time_since_epoch().count();
+  if (drain_until_.load(std::memory_order_relaxed) == not_draining) return info_.when_full == WhenFull::wait;
+  return !out_of_time();
 }
 
 void Extraction::begin_epoch(const BlockHeader& header) {
@@ -154,6 +165,10 @@ void Extraction::consume_pixel(const SampleBlock& block, std::uint64_t until) {
 void Extraction::consume_free(const SampleBlock& block, std::uint64_t until) {
   if (!free_windows_.wanted()) {
     cursor_ = until;
+    return;
+  }
+  if (free_windows_.cancelled()) {
+    end_capture("it was cancelled");
     return;
   }
   cursor_ = free_windows_.consume(*stage_, block, cursor_, until, settled_from());
@@ -312,7 +327,7 @@ void Extraction::measure(OutputSlot& slot) {
 void Extraction::dispatch(OutputSlot& slot, std::size_t parameters) {
   const std::uint32_t index = slots_.commit_pending();
   while (!pool_.offer(index)) {
-    if (info_.when_full == WhenFull::wait) {
+    if (may_wait_for_fits()) {
       pool_.wait_room();
       continue;
     }

@@ -10,6 +10,7 @@
 
 #include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -26,6 +27,8 @@ namespace combforce {
 
 class Extraction {
  public:
+  using Clock = std::chrono::steady_clock;
+
   // `scheduled` is ordered by first_sample.
   Extraction(const StreamInfo& info, std::unique_ptr<AnalysisStage> first,
              std::vector<ScheduledStage> scheduled, OutputSlots& slots, FitPool& pool);
@@ -35,7 +38,10 @@ class Extraction {
 
   // Extraction thread.
   void process(const SampleBlock& block);
-  void finish();  // the stream is over: ends the pixel in progress and emits `end`
+  // The stream is over: ends the pixel in progress and emits `end`, which counts the samples up to
+  // `stream_end` that were not seen.
+  void finish(std::uint64_t stream_end = 0);
+  bool out_of_time() const;  // to drain what is left
 
   // Control thread: takes over at the next pixel boundary; a stage not yet taken over is replaced.
   void change(std::unique_ptr<AnalysisStage> stage) { stages_.post(std::move(stage)); }
@@ -43,6 +49,12 @@ class Extraction {
   bool capture(std::unique_ptr<FreeCapture> capture) { return free_windows_.request(std::move(capture)); }
   // Control thread: a line that the stream itself does not mark. False: too many wait already.
   bool mark_line(const LineMark& mark) { return client_marks_.push(mark); }
+
+  // Control thread: the stream has ended and there is nothing to keep up with. Pixels wait for a worker,
+  // whatever the source, but not beyond `until`.
+  void drain(Clock::time_point until) {
+    drain_until_.store(until.time_since_epoch().count(), std::memory_order_relaxed);
+  }
 
   // Any thread.
   std::uint64_t next_sample() const { return next_sample_.load(std::memory_order_relaxed); }
@@ -72,6 +84,7 @@ class Extraction {
   void take_over(std::uint64_t boundary);
   void install(std::unique_ptr<AnalysisStage> stage, std::uint64_t boundary);
   void end_capture(const char* failure);  // null: complete
+  bool may_wait_for_fits() const;
   OutputSlot& next_slot(OutputSlot::Kind kind, std::uint64_t first_sample);
   bool in_pixel() const { return line_.has_value() || !marked_; }
   bool valid(const std::optional<FreeResponse>& reference) const {
@@ -104,6 +117,7 @@ class Extraction {
   boost::lockfree::spsc_queue<LineMark, boost::lockfree::capacity<64>> client_marks_;
   std::atomic<std::uint64_t> next_sample_{0}, pixels_{0}, not_fitted_{0};
   std::atomic<std::uint32_t> epoch_{0};
+  std::atomic<Clock::rep> drain_until_{Clock::time_point::max().time_since_epoch().count()};
 };
 
 }  // namespace combforce

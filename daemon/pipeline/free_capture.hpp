@@ -1,9 +1,11 @@
 // One capture of the free response: windows of the stream averaged while nothing touches the surface.
 #pragma once
 
+#include <atomic>
 #include <complex>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -29,6 +31,11 @@ class FreeCapture {
   bool add(std::uint64_t first_sample, std::span<const std::complex<double>> tip_nm);
   void fail(const char* why) { failure_ = why; }
 
+  // Whoever holds it may ask for the capture to be given up, at any time and from any thread.
+  using Cancellation = std::shared_ptr<std::atomic<bool>>;
+  const Cancellation& cancellation() const { return cancelled_; }
+  bool cancelled() const { return cancelled_->load(std::memory_order_relaxed); }
+
   // Calls `done` with the mean and its covariance (scatter of the windows over their number; absent with
   // fewer than two), or with the reason why there is none.
   void finish() const;
@@ -41,6 +48,7 @@ class FreeCapture {
   std::vector<double> mean_, deviation_, scatter_;  // over [re_0, im_0, …]; Welford's recurrence
   TurnMeter turns_;
   const char* failure_ = nullptr;
+  Cancellation cancelled_ = std::make_shared<std::atomic<bool>>(false);
   Done done_;
 };
 

@@ -33,6 +33,7 @@ class FreeWindows {
   std::uint64_t consume(AnalysisStage& stage, const SampleBlock& block, std::uint64_t from,
                         std::uint64_t until, std::uint64_t settled);
   bool complete() const { return complete_; }
+  bool cancelled() const { return capture_ != nullptr && capture_->cancelled(); }
   void restart() { window_ = never; }  // the window in progress is void: another analysis took over
 
   // Ends the capture, with a reason when it is not complete; null when none was under way.

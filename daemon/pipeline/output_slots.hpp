@@ -36,7 +36,7 @@ struct OutputSlot {
 
   Kind kind = Kind::pixel;
   std::uint64_t first_sample = 0;
-  std::uint64_t count = 0;  // gap: frames lost
+  std::uint64_t count = 0;  // gap: frames lost; end: frames not seen
   EpochReason epoch_reason = EpochReason::start;
   LineMark line;            // line_done
   std::uint32_t frame = 0;  // frame_done

@@ -1,5 +1,7 @@
 #include "daemon/pipeline/pipeline.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
@@ -82,9 +84,11 @@ void Pipeline::wait() {
   if (output_thread_.joinable()) output_thread_.join();
 }
 
-void Pipeline::stop() {
-  sink_.cancel();
+void Pipeline::stop(std::chrono::milliseconds drain) {
+  if (!sink_.closed()) sink_.cancel();
+  extraction_->drain(Clock::now() + drain);
   wait();
+  sink_.cancel();
 }
 
 void Pipeline::change(Description description) {
@@ -107,9 +111,17 @@ bool Pipeline::mark_line(const LineMark& mark) {
 void Pipeline::capture_free(std::uint32_t windows, FreeCapture::Done done) {
   if (windows == 0) throw std::invalid_argument("windows: 0 is below 1");
   const Comb comb = *analysis()->description.comb;
-  if (!extraction_->capture(
-          std::make_unique<FreeCapture>(windows, comb, settings_.drift_tolerance, std::move(done))))
+  auto capture = std::make_unique<FreeCapture>(windows, comb, settings_.drift_tolerance, std::move(done));
+  auto cancellation = capture->cancellation();
+  const std::scoped_lock lock(mutex_);
+  if (!extraction_->capture(std::move(capture)))
     throw std::logic_error("a capture of the free response is under way");
+  cancel_capture_ = std::move(cancellation);
+}
+
+void Pipeline::cancel_free() {
+  const std::scoped_lock lock(mutex_);
+  if (cancel_capture_ != nullptr) cancel_capture_->store(true, std::memory_order_relaxed);
 }
 
 void Pipeline::set_spectrum_rate(double hz) {
@@ -132,7 +144,7 @@ void Pipeline::run_extraction() {
   SampleRing& ring = sink_.extraction();
   for (;;) {
     const SampleBlock* block = ring.front();
-    if (sink_.cancelled()) break;
+    if (sink_.cancelled() || extraction_->out_of_time()) break;
     if (block == nullptr) {
       if (sink_.closed() && ring.front() == nullptr) break;
       sink_.wait_extraction();
@@ -145,7 +157,7 @@ void Pipeline::run_extraction() {
     ring.release();
     sink_.released();
   }
-  extraction_->finish();
+  extraction_->finish(sink_.next_sample());
 }
 
 void Pipeline::run_output() {
@@ -193,14 +205,16 @@ void Pipeline::put_out(const OutputSlot& slot) {
       put_event("scan_ended", slot, "");
       break;
     case OutputSlot::Kind::end:
-      put_event("stream_ended", slot, "");
+      put_event("stream_ended", slot,
+                slot.count == 0 ? "" : fmt::format("{} samples before it are not analysed", slot.count));
       break;
   }
 }
 
 void Pipeline::put_event(const char* kind, const OutputSlot& slot, std::string text) const {
   if (!outputs_.event) return;
-  const std::uint64_t lost = slot.kind == OutputSlot::Kind::gap ? slot.count : 0;
+  const bool counts = slot.kind == OutputSlot::Kind::gap || slot.kind == OutputSlot::Kind::end;
+  const std::uint64_t lost = counts ? slot.count : 0;
   outputs_.event({.kind = kind, .first_sample = slot.first_sample, .count = lost, .text = std::move(text)});
 }
 

@@ -64,7 +64,7 @@ struct FrameDone {
 struct Event {
   std::string kind;
   std::uint64_t first_sample = 0;
-  std::uint64_t count = 0;  // frames lost, for gap and record_gap
+  std::uint64_t count = 0;  // frames lost, for gap and record_gap; not analysed, for stream_ended
   std::string text;
 };
 
@@ -111,7 +111,10 @@ class Pipeline {
 
   void start();
   void wait();  // until the stream has ended and every pixel is retired
-  void stop();  // cancels the sink, retires what is extracted, joins; idempotent
+  // Once the stream has ended: analyses what the ring still holds, but takes up nothing more after `drain`
+  // (the fits under way then are finished, at most FitPool::queue_depth a worker); `stream_ended` counts what
+  // is left. Before its end: cancels the sink. Idempotent.
+  void stop(std::chrono::milliseconds drain = {});
 
   // Controls, from any thread (the bodies of `done` included). They take effect at the next pixel boundary.
   void change(Description description);
@@ -123,6 +126,8 @@ class Pipeline {
   // another is under way.
   void capture_free(std::uint32_t windows,
                     std::function<void(std::optional<FreeResponse>, std::string)> done);
+  // Gives up the capture under way, if there is one: `done` says so.
+  void cancel_free();
   // As of SpectrumMonitor; 0 at first.
   void set_spectrum_rate(double hz);
 
@@ -141,8 +146,9 @@ class Pipeline {
   const unsigned workers_;
   const unsigned fitters_;  // one a worker, or none
   PipelineOutputs outputs_;
-  mutable std::mutex mutex_;  // of analysis_ and the order of change()
+  mutable std::mutex mutex_;  // of analysis_, the order of change(), and cancel_capture_
   std::shared_ptr<const Analysis> analysis_;
+  std::shared_ptr<std::atomic<bool>> cancel_capture_;  // of the last capture
   std::unique_ptr<OutputSlots> slots_;
   std::unique_ptr<FitPool> pool_;
   std::unique_ptr<Extraction> extraction_;

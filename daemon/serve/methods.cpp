@@ -1,6 +1,7 @@
 #include "daemon/serve/methods.hpp"
 
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -70,8 +71,9 @@ Json scan_schema() {
 }
 
 // The configured layout with what the request says instead; empty when it says nothing.
-std::optional<ScanLayout> requested_layout(const JsonView& params, const Description& description) {
-  Json layout = description.scan ? encode(*description.scan) : Json::object();
+std::optional<ScanLayout> requested_layout(const JsonView& params,
+                                           const std::optional<ScanLayout>& configured) {
+  Json layout = configured ? encode(*configured) : Json::object();
   bool said = false;
   for (const auto& item : params.json().items()) {
     if (item.key() == "frames") continue;
@@ -86,7 +88,7 @@ std::optional<ScanLayout> requested_layout(const JsonView& params, const Descrip
 void add_scanner(RpcTable& table, Instrument& instrument) {
   table.add({"scan.start", "Scan with the given raster, or as configured.", scan_schema(), any_object(),
              RpcHandler([&instrument](const JsonView& params, Subscriptions&) -> Json {
-               const auto layout = requested_layout(params, instrument.description());
+               const auto layout = requested_layout(params, instrument.configured_scan());
                const auto frames = params.find("frames");
                instrument.start_scan(layout,
                                      frames ? static_cast<std::uint32_t>(frames->integer(0, max_u32)) : 1);
@@ -144,7 +146,9 @@ void add_recording(RpcTable& table, Instrument& instrument) {
 
 void add_free_capture(RpcTable& table, Instrument& instrument,
                       std::function<void(std::function<void()>)> post) {
-  auto capture = [&instrument, post = std::move(post)](const JsonView& params, const RpcRespond& respond) {
+  const auto asked = std::make_shared<const Subscriptions*>(nullptr);  // who asked for the last capture
+  auto capture = [&instrument, asked, post = std::move(post)](
+                     const JsonView& params, const Subscriptions& caller, const RpcRespond& respond) {
     const auto windows = params.find("windows");
     instrument.capture_free(
         windows ? static_cast<std::uint32_t>(windows->integer()) : 16,
@@ -153,14 +157,25 @@ void add_free_capture(RpcTable& table, Instrument& instrument,
               why.empty() ? RpcResult(encode(*response)) : RpcError{rpc_instrument_error, why, nullptr};
           post([respond, result = std::move(result)] { respond(result); });
         });
+    *asked = &caller;
+  };
+  auto cancel_for = [&instrument, asked](const Subscriptions& caller) {
+    if (*asked != &caller) return;
+    *asked = nullptr;
+    instrument.cancel_free();
   };
   table.add(
       {"free.capture",
        "Average the free motion: the reference from which forces are measured. Answers when done. An error "
        "says that there is none, or that it drifts: pixels are flagged incoherent until it is captured "
-       "again.",
+       "again. Given up when the client that asked disconnects.",
        object_schema({{"windows", integer(1, 1000000, "comb windows to average; default 16")}}), any_object(),
-       RpcDeferredHandler(std::move(capture))});
+       RpcDeferredHandler(std::move(capture)), std::move(cancel_for)});
+  table.add({"free.cancel", "Give up the capture of the free motion that is under way, whoever asked for it.",
+             nothing(), any_object(), RpcHandler([&instrument](const JsonView&, Subscriptions&) -> Json {
+               instrument.cancel_free();
+               return Json::object();
+             })});
 }
 
 void add_drive(RpcTable& table, Instrument& instrument) {

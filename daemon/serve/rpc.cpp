@@ -178,7 +178,13 @@ void RpcTable::invoke(const Json& request, Subscriptions& caller, const RpcRespo
   if (const auto* handler = std::get_if<RpcHandler>(&method->handler)) {
     respond((*handler)(view, caller));
   } else {
-    std::get<RpcDeferredHandler>(method->handler)(view, respond);
+    std::get<RpcDeferredHandler>(method->handler)(view, caller, respond);
+  }
+}
+
+void RpcTable::gone(const Subscriptions& caller) const {
+  for (const RpcMethod& method : methods_) {
+    if (method.gone) method.gone(caller);
   }
 }
 

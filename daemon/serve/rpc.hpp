@@ -37,7 +37,8 @@ using RpcResult = std::variant<Json, RpcError>;
 using RpcHandler = std::function<Json(const JsonView& params, Subscriptions& caller)>;
 // Answers by calling `respond` once, on this thread, now or later. Throws as above instead of responding.
 using RpcRespond = std::function<void(RpcResult)>;
-using RpcDeferredHandler = std::function<void(const JsonView& params, RpcRespond respond)>;
+using RpcDeferredHandler =
+    std::function<void(const JsonView& params, const Subscriptions& caller, RpcRespond respond)>;
 
 struct RpcMethod {
   std::string name;
@@ -45,6 +46,8 @@ struct RpcMethod {
   Json params;  // schema of the params object: type, properties, required, additionalProperties
   Json result;  // schema of the result, for rpc.discover
   std::variant<RpcHandler, RpcDeferredHandler> handler;
+  // Empty, or called when a client has gone: its `caller` is known by its address and is not used again.
+  std::function<void(const Subscriptions& caller)> gone = {};
 };
 
 class RpcTable {
@@ -62,6 +65,9 @@ class RpcTable {
   // and its newline, on this thread, now or later; never when no answer is due.
   void handle(std::string_view line, Subscriptions& caller,
               const std::function<void(std::string)>& reply) const;
+
+  // The client of these subscriptions has gone: tells the methods that want to know.
+  void gone(const Subscriptions& caller) const;
 
   // The OpenRPC document of everything in the table.
   Json discover() const;

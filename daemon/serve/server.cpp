@@ -1,6 +1,9 @@
 #include "daemon/serve/server.hpp"
 
+#include <spdlog/spdlog.h>
+
 #include <atomic>
+#include <future>
 #include <utility>
 
 #include "daemon/serve/messages.hpp"
@@ -55,7 +58,17 @@ void Server::run(Instrument& instrument) {
     impl_->sockets.publish(
         {Topic::status, status.sample, shared_line(Topic::status, encode(status)), nullptr});
   };
-  impl_->sockets.run(table, every_second, [&instrument](double hz) { instrument.set_spectrum_rate(hz); });
+  std::future<void> stopped;
+  const auto wind_down = [this, &instrument, &stopped] {
+    spdlog::info("stopping");
+    stopped = std::async(std::launch::async, [this, &instrument] {
+      const std::shared_ptr<void> in_any_case(nullptr, [this](void*) { impl_->sockets.finish(); });
+      instrument.stop();
+    });
+  };
+  impl_->sockets.run(
+      table, every_second, [&instrument](double hz) { instrument.set_spectrum_rate(hz); }, wind_down);
+  stopped.get();
 }
 
 void Server::stop() {

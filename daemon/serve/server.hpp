@@ -27,10 +27,12 @@ class Server {
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  // Serves `instrument` until stop(); once. Clients that connect earlier wait. The sockets are removed when
-  // it returns.
+  // Serves `instrument` until stop(), and stops it then; once. Clients that connect earlier wait. The sockets
+  // are removed when it returns.
   void run(Instrument& instrument);
-  void stop();  // sends what is due, for half a second at most
+  // Takes no more clients and requests, stops the instrument, sends the clients what it still puts out and
+  // what is due, the latter for half a second at most.
+  void stop();
   // As stop() on SIGTERM and SIGINT from now on; further ones change nothing while the server lives.
   void stop_on_signals();
 

@@ -1,6 +1,9 @@
 #include "daemon/serve/session.hpp"
 
 #include <fmt/format.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <boost/asio/buffer.hpp>
@@ -15,9 +18,13 @@ using boost::system::error_code;
 
 namespace {
 
+constexpr const char* hung_up = "it hung up";
 constexpr std::size_t lines_a_write = 64;
 constexpr std::chrono::seconds patience{2};
-constexpr std::chrono::minutes patience_for_answers{1};
+
+// How a TCP client that only listens is probed: its side forgets a closed connection after a minute, and
+// answers from then on that there is none.
+constexpr int probe_after_s = 15, probe_every_s = 5, silent_probes = 4;
 
 std::string line_too_long() {
   return fmt::format(
@@ -40,22 +47,47 @@ void Session::start() {
 }
 
 void Session::read() {
-  socket_.async_read_some(
-      asio::buffer(input_), [self = shared_from_this()](error_code error, std::size_t bytes) {
-        if (self->state_ == State::closed) return;
-        if (error) {
-          self->input_ended_ = true;
-          self->finish("it hung up",
-                       self->answers_due() ? patience_for_answers : std::chrono::milliseconds(patience));
-          return;
-        }
-        self->received(bytes);
-        if (self->state_ != State::closed) self->read();
-      });
+  socket_.async_read_some(asio::buffer(input_),
+                          [self = shared_from_this()](error_code error, std::size_t bytes) {
+                            if (self->state_ == State::closed) return;
+                            if (error == asio::error::eof) {
+                              self->end_input();
+                            } else if (error) {
+                              self->close(hung_up);
+                            } else {
+                              self->received(bytes);
+                              if (self->state_ != State::closed) self->read();
+                            }
+                          });
+}
+
+void Session::end_input() {
+  input_ended_ = true;
+  watch_for_hang_up();
+  finish_when_idle();
+  close_when_sent();
+}
+
+void Session::watch_for_hang_up() {
+  error_code ignored;
+  socket_.set_option(asio::socket_base::keep_alive(true), ignored);
+  // On a Unix socket these fail, and are not needed.
+  const int descriptor = socket_.native_handle();
+  ::setsockopt(descriptor, IPPROTO_TCP, TCP_KEEPIDLE, &probe_after_s, sizeof probe_after_s);
+  ::setsockopt(descriptor, IPPROTO_TCP, TCP_KEEPINTVL, &probe_every_s, sizeof probe_every_s);
+  ::setsockopt(descriptor, IPPROTO_TCP, TCP_KEEPCNT, &silent_probes, sizeof silent_probes);
+  socket_.async_wait(StreamSocket::wait_error, [self = shared_from_this()](error_code error) {
+    if (!error) self->close(hung_up);
+  });
+}
+
+void Session::finish_when_idle() {
+  if (state_ != State::open || !input_ended_ || answers_due() || subscriptions_.any()) return;
+  finish(hung_up, patience);
 }
 
 void Session::received(std::size_t bytes) {
-  if (state_ != State::open) return;
+  if (state_ != State::open || deaf_) return;
   const bool fits = framer_.feed({input_.data(), bytes}, [this](std::string_view line) {
     if (state_ == State::open) handle(line);
   });
@@ -82,6 +114,7 @@ void Session::reply(std::string line) {
     return;
   }
   write();
+  finish_when_idle();
 }
 
 void Session::deliver(const Notification& notification) {

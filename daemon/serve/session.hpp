@@ -1,5 +1,9 @@
 // One connected client: its requests, its subscriptions, and what it is still to be sent.
 //
+// A client may end its input and go on listening: it is served while it has subscriptions or answers are due,
+// until it closes its connection. On a Unix socket that is seen at once; on TCP it looks like the end of
+// input until something is sent, or until a probe of the connection finds nobody (silent_probes).
+//
 // Thread-bound (I/O thread). Lives as long as an operation on its socket is under way; close() ends them all.
 #pragma once
 
@@ -32,21 +36,26 @@ class Session : public std::enable_shared_from_this<Session> {
   void start();
   void deliver(const Notification& notification);
   void deliver_loss(Topic topic, const Skipped& lost);
+  void ignore_input() { deaf_ = true; }  // from now on; what is due is still sent
   // Takes no more requests, sends what is due, closes; after `patience` in any case.
   void finish(std::string why, std::chrono::milliseconds at_most);
   void close(const std::string& why);
 
   const Subscriptions& subscriptions() const { return subscriptions_; }
+  bool input_ended() const { return input_ended_; }
 
  private:
   enum class State : std::uint8_t { open, finishing, closed };
 
   void read();
   void received(std::size_t bytes);
+  void end_input();
+  void watch_for_hang_up();
   void handle(std::string_view line);
   void reply(std::string line);
   void write();
   void written(std::size_t lines);
+  void finish_when_idle();
   void close_when_sent();
   bool answers_due() const { return answer_token_.use_count() > 1; }
   std::uint64_t due_pixels(std::uint64_t seen);
@@ -60,6 +69,7 @@ class Session : public std::enable_shared_from_this<Session> {
   LineFramer framer_{max_line_bytes};
   std::array<char, 16384> input_{};
   bool input_ended_ = false;
+  bool deaf_ = false;
   Subscriptions subscriptions_;
   std::uint64_t pixels_seen_ = 0;  // while subscribed to them
   std::chrono::steady_clock::time_point next_spectrum_;

@@ -54,8 +54,9 @@ class SocketServer::Impl {
   }
 
   void run(const RpcTable& table, std::function<void()> every_second,
-           std::function<void(double hz)> spectrum_rate) {
+           std::function<void(double hz)> spectrum_rate, std::function<void()> wind_down) {
     table_ = &table;
+    wind_down_ = std::move(wind_down);
     every_second_ = std::move(every_second);
     spectrum_rate_ = std::move(spectrum_rate);
     if (unix_) accept(*unix_);
@@ -74,6 +75,10 @@ class SocketServer::Impl {
 
   void stop() {
     asio::post(io_, [this] { stop_here(); });
+  }
+
+  void finish() {
+    asio::post(io_, [this] { finish_here(); });
   }
 
   void post(std::function<void()> task) { asio::post(io_, std::move(task)); }
@@ -107,6 +112,7 @@ class SocketServer::Impl {
   }
 
   void admit(StreamSocket socket) {
+    if (sessions_.size() >= max_clients) make_room();
     if (sessions_.size() >= max_clients) {
       spdlog::warn("a client was turned away: there are {} already", sessions_.size());
       return;
@@ -119,11 +125,22 @@ class SocketServer::Impl {
     session->start();
   }
 
+  // A client that only listens may be gone without our knowing it yet; one that comes has precedence.
+  void make_room() {
+    const auto listener =
+        std::ranges::find_if(sessions_, [](const auto& entry) { return entry.second->input_ended(); });
+    if (listener == sessions_.end()) return;
+    const std::shared_ptr<Session> session = listener->second;
+    spdlog::warn("a client that had ended its input was disconnected: there are {}", sessions_.size());
+    session->close("another client came");
+  }
+
   void closed(Session& session, const std::string& why) {
+    table_->gone(session.subscriptions());
     sessions_.erase(&session);
     spdlog::debug("client disconnected: {}; {} left", why, sessions_.size());
     refresh_wanted();
-    if (stopping_ && sessions_.empty()) io_.stop();
+    if (finishing_ && sessions_.empty()) io_.stop();
   }
 
   void refresh_wanted() {
@@ -162,6 +179,16 @@ class SocketServer::Impl {
     if (std::exchange(stopping_, true)) return;
     unix_.reset();
     tcp_.reset();
+    for (const auto& [key, session] : sessions_) session->ignore_input();
+    if (wind_down_) {
+      wind_down_();
+    } else {
+      finish_here();
+    }
+  }
+
+  void finish_here() {
+    if (std::exchange(finishing_, true)) return;
     deliver(queue_.take());
     std::vector<std::shared_ptr<Session>> sessions;
     for (const auto& [key, session] : sessions_) sessions.push_back(session);
@@ -184,7 +211,8 @@ class SocketServer::Impl {
   asio::signal_set signals_;
   asio::steady_timer second_, pause_;
   std::unordered_map<Session*, std::shared_ptr<Session>> sessions_;
-  bool stopping_ = false;
+  std::function<void()> wind_down_;
+  bool stopping_ = false, finishing_ = false;
 };
 
 SocketServer::SocketServer(const Addresses& addresses, std::uint64_t client_bytes)
@@ -192,11 +220,14 @@ SocketServer::SocketServer(const Addresses& addresses, std::uint64_t client_byte
 SocketServer::~SocketServer() = default;
 
 void SocketServer::run(const RpcTable& table, std::function<void()> every_second,
-                       std::function<void(double hz)> spectrum_rate) {
-  impl_->run(table, std::move(every_second), std::move(spectrum_rate));
+                       std::function<void(double hz)> spectrum_rate, std::function<void()> wind_down) {
+  impl_->run(table, std::move(every_second), std::move(spectrum_rate), std::move(wind_down));
 }
 void SocketServer::stop() {
   impl_->stop();
+}
+void SocketServer::finish() {
+  impl_->finish();
 }
 void SocketServer::stop_on_signals() {
   impl_->stop_on_signals();

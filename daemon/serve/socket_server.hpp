@@ -1,7 +1,7 @@
 // The socket side of the server: listeners and sessions on one I/O thread. What is said is not known here.
 //
-// Thread rule: run() owns the calling thread (the I/O thread); stop(), post(), publish() and wanted() from
-// any.
+// Thread rule: run() owns the calling thread (the I/O thread); stop(), finish(), post(), publish() and
+// wanted() from any.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ struct Wanted {
 
 class SocketServer {
  public:
-  static constexpr std::size_t max_clients = 64;  // more are turned away
+  static constexpr std::size_t max_clients = 64;  // more are turned away, unless one has ended its input
 
   struct Addresses {
     std::string unix_socket;            // "": none
@@ -39,9 +39,14 @@ class SocketServer {
 
   // Until stop(); once. `every_second` and `spectrum_rate`, when the greatest rate of spectra that a client
   // wants changes (0: none does), are called on the I/O thread. Both sockets are gone when it returns.
+  //
+  // From stop() on no client and no request is taken. `wind_down` is then called on the I/O thread: what is
+  // published until it, or what it began, calls finish() still goes out. Without it that is at once.
   void run(const RpcTable& table, std::function<void()> every_second,
-           std::function<void(double hz)> spectrum_rate);
+           std::function<void(double hz)> spectrum_rate, std::function<void()> wind_down = {});
   void stop();
+  // Sends what was published and is due, for half a second at most, and closes the connections.
+  void finish();
   // On SIGTERM and SIGINT, also before run(). More of them change nothing while this object lives: what is
   // being closed after run() is closed in peace.
   void stop_on_signals();

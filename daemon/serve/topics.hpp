@@ -27,6 +27,7 @@ struct Subscriptions {
   double spectrum_hz = 1.0;  // spectra a second, at most
 
   bool has(Topic topic) const { return topics[index(topic)]; }
+  bool any() const { return topics != decltype(topics){}; }
 };
 
 }  // namespace combforce

@@ -76,9 +76,15 @@ class SimulatedDigitizer::Impl {
     return status_;
   }
 
-  void start_scan(const ScanLayout& layout, std::uint32_t frames) {
+  void prepare_scan(const ScanLayout& layout) {
     validate(layout, settings_.comb.window_samples);
-    ScanRequest request{layout, frames, make_scene(settings_.scene, model(), layout)};
+    prepared_ = ScanRequest{layout, 0, make_scene(settings_.scene, model(), layout)};
+  }
+
+  void start_scan(const ScanLayout& layout, std::uint32_t frames) {
+    if (!prepared_ || prepared_->layout != layout) prepare_scan(layout);
+    ScanRequest request = *std::exchange(prepared_, std::nullopt);
+    request.frames = frames;
     const std::scoped_lock lock(mutex_);
     if (status_.scanning) throw std::logic_error("simulated digitizer: a scan is running");
     status_.scanning = true;
@@ -285,6 +291,8 @@ class SimulatedDigitizer::Impl {
   const SimulationSettings settings_;
   StreamInfo info_;
 
+  std::optional<ScanRequest> prepared_;  // the control thread's
+
   // The digitizer's thread alone, once it runs.
   SampleSource source_;
   BlockSink* sink_ = nullptr;
@@ -334,6 +342,10 @@ void SimulatedDigitizer::stop() {
 
 StreamStatus SimulatedDigitizer::status() const {
   return impl_->status();
+}
+
+void SimulatedDigitizer::prepare_scan(const ScanLayout& layout) {
+  impl_->prepare_scan(layout);
 }
 
 void SimulatedDigitizer::start_scan(const ScanLayout& layout, std::uint32_t frames) {

@@ -36,7 +36,8 @@ class SimulatedDigitizer final : public Digitizer {
   void start(BlockSink& sink) override;
   void stop() override;
   StreamStatus status() const override;
-  // Throws as make_scene() and validate(layout); std::logic_error while a scan runs.
+  // Both throw as make_scene() and validate(layout); start_scan() also std::logic_error while a scan runs.
+  void prepare_scan(const ScanLayout& layout) override;
   void start_scan(const ScanLayout& layout, std::uint32_t frames) override;
   void stop_scan() override;
   void set_drive(const Drive& drive) override;

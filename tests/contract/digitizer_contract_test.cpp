@@ -204,6 +204,7 @@ TEST_P(DigitizerContract, AbsentControlsThrowPresentOnesDoNot) {
   if (info.has_scanner) {
     EXPECT_NO_THROW(digitizer->stop_scan());
   } else {
+    EXPECT_THROW(digitizer->prepare_scan({}), std::logic_error);
     EXPECT_THROW(digitizer->start_scan({}, 1), std::logic_error);
     EXPECT_THROW(digitizer->stop_scan(), std::logic_error);
   }

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import unittest
 
-from harness import COMBFORCE, SystemTest, pixel_lines, run, small_instrument
+from harness import COMBFORCE, SystemTest, pixel_lines, run, small_instrument, wait_for
 
 LINES, COLUMNS = 4, 8
 NAMESPACE = "COMBFORCE_TEST_NAMESPACE"
@@ -41,6 +41,9 @@ class DiskFull(SystemTest):
             event = control.notification("event")
         self.assertIn(str(disk), event["text"])
         self.assertIn("No space left on device", event["text"])
+        wait_for(lambda: "record_failed" in daemon.log(), "the log")
+        logged = [line for line in daemon.log().splitlines() if "record_failed" in line]
+        self.assertIn(" error ", logged[0])
         live += pixel_lines(watcher, 10 * LINES * COLUMNS)  # the scan goes on, far beyond what the disk held
         status = control.call("instrument.status")
         self.assertEqual(("running", False), (status["state"], status["recording"]))

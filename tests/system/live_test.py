@@ -2,6 +2,7 @@
 """The daemon over its socket: scan, record and stop; replay of what was recorded; kill -9; a client that stops reading."""
 import json
 import signal
+import socket
 import unittest
 
 from harness import COMBFORCE, SOURCE, SystemTest, pixel_lines, run, small_instrument, wait_for
@@ -42,6 +43,51 @@ class Live(SystemTest):
         self.assertEqual(live, self.replay(meta, threads=1))
         self.assertEqual(live, self.replay(meta, threads=4))
 
+    def test_refused_scan_changes_nothing(self):
+        daemon, control, watcher = self.started()
+        meta = control.call("record.start", name="refused")["meta_path"]
+        error = control.request("scan.start", lines=1_000_000, columns=1_000_000)["error"]
+        self.assertIn("1000000000000", error["message"])
+        self.assertEqual(LINES, control.call("instrument.info")["scan"]["lines"])
+        control.call("scan.start", frames=1)
+        pixel_lines(watcher, LINES * COLUMNS)
+        control.call("record.stop")
+        daemon.end()
+        with open(meta, encoding="utf-8") as file:
+            written = json.load(file)
+        self.assertEqual([], [capture for capture in written["captures"] if "afm:scan" in capture])
+        self.assertEqual(LINES, written["global"]["afm:scan"]["lines"])
+
+    def test_options_of_a_scan_are_its_own(self):
+        _, control, watcher = self.started()
+        control.call("subscribe", topics=["frame"])
+        for options, pixels in [({"lines": 1, "columns": 3}, 3), ({"lines": 2}, 2 * COLUMNS), ({}, LINES * COLUMNS)]:
+            control.call("scan.start", frames=1, **options)
+            self.assertEqual(pixels, control.notification("frame")["counts"]["pixels"])
+            wait_for(lambda: not control.call("instrument.status")["scanning"], "the end of the scan")
+        pixel_lines(watcher, 3 + 2 * COLUMNS + LINES * COLUMNS)
+
+    def test_capture_is_given_up_with_its_client(self):
+        daemon = self.daemon(small_instrument(LINES, COLUMNS))
+        control, impatient, halved = daemon.client(), daemon.client(), daemon.client()
+        capture = json.dumps({"jsonrpc": "2.0", "id": "long", "method": "free.capture", "params": {"windows": 1000000}})
+
+        def captured():
+            return "result" in control.request("free.capture", windows=8)
+
+        impatient.send(capture)
+        impatient.call("instrument.status")  # requests of a client are taken in order
+        self.assertFalse(captured())
+        impatient.close()
+        wait_for(captured, "the end of the long capture")
+        halved.send(capture)
+        halved.call("instrument.status")
+        halved.socket.shutdown(socket.SHUT_WR)  # it still listens
+        self.assertFalse(captured())
+        control.call("free.cancel")
+        self.assertEqual("it was cancelled", halved.message()["error"]["message"])
+        wait_for(captured, "a capture")
+
     def test_discovery_lists_what_works(self):
         client = self.daemon(small_instrument()).client()
         methods = {method["name"] for method in client.call("rpc.discover")["methods"]}
@@ -76,6 +122,28 @@ class Live(SystemTest):
         with open(meta, encoding="utf-8") as file:
             self.assertIn("core:sha512", json.load(file)["global"])
         self.assertEqual(live, self.replay(meta)[:2 * COLUMNS])
+
+    def test_what_was_measured_reaches_subscribers_at_the_end(self):
+        daemon, control, watcher = self.started(lines=40, columns=40)
+        watcher.call("subscribe", topics=["pixel", "event"])
+        meta = control.call("record.start", name="ended")["meta_path"]
+        control.call("scan.start", frames=1)
+        received = [watcher.line() for _ in range(20)]
+        daemon.process.send_signal(signal.SIGTERM)
+        try:
+            while True:
+                received.append(watcher.line())
+        except ConnectionError:
+            pass
+        self.assertEqual(0, daemon.end(), daemon.log())
+        last = json.loads(received[-1])["params"]
+        self.assertEqual(("stream_ended", 0), (last["kind"], last["count"]), daemon.log())
+        with open(meta, encoding="utf-8") as file:
+            first = json.load(file)["captures"][0]["core:global_index"]
+        frames = (self.directory / "ended.sigmf-data").stat().st_size // 4  # two channels of two bytes
+        self.assertEqual(last["first_sample"], first + frames, "analysed and recorded to the same end")
+        live = [line for line in received if line.startswith(b'{"jsonrpc":"2.0","method":"pixel"')]
+        self.assertEqual(live, self.replay(meta))
 
     def test_recording_begun_after_the_clock_broke(self):
         # The reference is older than the recording and of its epoch: replay must believe in it as live did.
@@ -120,9 +188,23 @@ class Live(SystemTest):
         self.assertIn("share no clock", error["message"])
         event = control.notification("event")
         self.assertEqual(("incoherent", error["message"]), (event["kind"], event["text"]))
+        self.assertIn("warning incoherent", daemon.log())
         control.call("subscribe", topics=["pixel"])
         control.call("scan.start", frames=1)
         self.assertIn("incoherent", control.notification("pixel")["flags"])
+
+    def test_capture_without_a_drive_warns(self):
+        configuration = small_instrument(LINES, COLUMNS)
+        configuration["digitizer"]["simulation"]["drive"] = {"scheme": "amplitudes", "amplitudes_nm": [0, 0]}
+        daemon = self.daemon(configuration)
+        control = daemon.client()
+        control.call("subscribe", topics=["event"])
+        control.call("free.capture", windows=8)
+        event = control.notification("event")
+        while event["kind"] != "warning":
+            event = control.notification("event")
+        self.assertIn("is noise", event["text"])
+        self.assertIn("warning warning at", daemon.log())
 
     def test_spectra_of_the_deflection(self):
         control = self.daemon(small_instrument(LINES, COLUMNS)).client()

@@ -40,7 +40,7 @@ class ClientTest : public testing::Test {
                "",
                anything,
                {},
-               RpcDeferredHandler([this](const JsonView&, const RpcRespond& respond) {
+               RpcDeferredHandler([this](const JsonView&, const Subscriptions&, const RpcRespond& respond) {
                  publish(1);
                  publish(2);
                  server.post([respond] { respond(Json("done")); });

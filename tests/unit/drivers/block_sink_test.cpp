@@ -229,6 +229,19 @@ TEST(BlockSink, EndOfRecordingReleasesASourceThatWaitsForTheRecorder) {
   EXPECT_EQ(sink.dropped_recorder(), frames);
 }
 
+// Analysis and recording end at the same sample.
+TEST(BlockSink, WhatASourceStillHeldWhenItWasStoppedIsNotRecorded) {
+  BlockSink sink(1, block_bytes, WhenFull::wait);
+  Source source(sink);
+  sink.start_recording();
+  source.push();
+  take_all(sink.recorder(), sink);
+  sink.stop_waiting();
+  EXPECT_FALSE(source.push());
+  EXPECT_EQ(sink.recorder().filled(), 0U);
+  EXPECT_EQ(sink.next_sample(), frames);
+}
+
 struct Seen {
   std::uint64_t blocks = 0, frames = 0, lost = 0, marks = 0, broken = 0;
 };

@@ -287,8 +287,11 @@ TEST(SimulatedDigitizer, ControlsRefuseWhatDoesNotFit) {
   SimulatedDigitizer digitizer(small_instrument());
   ScanLayout layout = small_layout();
   layout.pixel_samples = 100;
+  EXPECT_THROW(digitizer.prepare_scan(layout), std::invalid_argument);
   EXPECT_THROW(digitizer.start_scan(layout, 1), std::invalid_argument);
   EXPECT_FALSE(digitizer.status().scanning);
+  digitizer.prepare_scan(small_layout());
+  EXPECT_FALSE(digitizer.status().scanning) << "prepared is not begun";
   Drive drive;
   drive.scheme = DriveScheme::amplitudes;
   drive.amplitudes_nm = {1.0, 2.0};

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 #include <set>
+#include <thread>
 
 #include "dsp/pixel_clock.hpp"
 #include "tests/support/synthetic_stream.hpp"
@@ -55,6 +56,42 @@ std::function<std::uint32_t()> sizes(std::uint32_t seed, std::uint32_t largest) 
   return [random = std::mt19937(seed), largest]() mutable {
     return 1 + static_cast<std::uint32_t>(random() % largest);
   };
+}
+
+// What waits in the ring when the stream has ended, at the end of a measurement that is stopped.
+Recorded stopped_after_the_end(std::chrono::milliseconds drain) {
+  SyntheticStream stream;
+  stream.samples = 60000;
+  stream.value = two_tones;
+  stream.marks.push_back(line_mark(0, 0, Direction::trace, 0, 60000));
+  StreamInfo info = one_channel(1e6, 512);
+  info.when_full = WhenFull::drop;
+  BlockSink sink(128, 512 * sizeof(std::int16_t), info.when_full);
+  stream.push_into(sink, [] { return 512U; });
+  Recorded recorded;
+  Pipeline pipeline(info, sink, {}, description(1, 100, 600, 100, 2), {}, recorded.outputs());
+  pipeline.start();
+  while (pipeline.status().next_sample == 0) std::this_thread::yield();
+  pipeline.stop(drain);
+  return recorded;
+}
+
+TEST(Extraction, WhatTheRingHoldsAtTheEndOfTheStreamIsAnalysed) {
+  const Recorded recorded = stopped_after_the_end(std::chrono::minutes(1));
+  EXPECT_EQ(recorded.pixels.size(), 100U);
+  ASSERT_FALSE(recorded.events.empty());
+  EXPECT_EQ(recorded.events.back().kind, "stream_ended");
+  EXPECT_EQ(recorded.events.back().first_sample, 60000U);
+  EXPECT_EQ(recorded.events.back().count, 0U);
+}
+
+TEST(Extraction, WhatThereWasNoTimeToAnalyseIsCounted) {
+  const Recorded recorded = stopped_after_the_end(std::chrono::milliseconds(0));
+  ASSERT_FALSE(recorded.events.empty());
+  const Event& end = recorded.events.back();
+  EXPECT_EQ(end.kind, "stream_ended");
+  EXPECT_EQ(end.first_sample + end.count, 60000U);
+  EXPECT_EQ(end.text.empty(), end.count == 0) << end.text;
 }
 
 TEST(Extraction, MeasuresTheTonesOfEveryPixelOfMarkedLines) {

@@ -151,5 +151,21 @@ TEST(Drift, ReferencesAreComparedToneByTone) {
   EXPECT_EQ(change({20.0, 0.0}, {0.5, 1.0}), "") << "what is not driven may do as it likes";
 }
 
+TEST(Drift, ADrivenToneThatIsNoiseIsNamed) {
+  Comb comb = comb_of(2);
+  EXPECT_EQ(find_lost_tone(comb, response_of({20.0, 0.0}, {0.0, 1.0}, 0.1)), "");
+  // One quadrature 0.4 nm is a standard deviation of 0.57 nm of both.
+  EXPECT_EQ(find_lost_tone(comb, response_of({20.0, 0.0}, {0.0, 1.8}, 0.4)), "");
+  EXPECT_NE(find_lost_tone(comb, response_of({20.0, 0.0}, {0.0, 1.6}, 0.4)).find("bin 20"),
+            std::string::npos);
+  EXPECT_NE(find_lost_tone(comb, response_of({0.1, 0.0}, {0.0, 1.6}, 0.4)).find("bin 10"), std::string::npos)
+      << "the fainter one is named";
+  comb.tones[1].driven = false;
+  EXPECT_EQ(find_lost_tone(comb, response_of({20.0, 0.0}, {0.0, 0.1}, 0.4)), "");
+  FreeResponse one_window = response_of({0.1, 0.0}, {0.1, 0.0}, 0.4);
+  one_window.covariance.reset();
+  EXPECT_EQ(find_lost_tone(comb, one_window), "") << "it cannot tell";
+}
+
 }  // namespace
 }  // namespace combforce

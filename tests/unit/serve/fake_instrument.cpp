@@ -25,7 +25,9 @@ Instrument::Instrument(const Configuration&, PipelineOutputs) {}
 Instrument::~Instrument() = default;
 void Instrument::start() {}
 void Instrument::wait() {}
-void Instrument::stop() {}
+void Instrument::stop() {
+  if (fake_instrument().on_stop) fake_instrument().on_stop();
+}
 const StreamInfo& Instrument::info() const {
   return fake_instrument().info;
 }
@@ -34,6 +36,9 @@ InstrumentStatus Instrument::status() const {
 }
 Description Instrument::description() const {
   return fake_instrument().description;
+}
+std::optional<ScanLayout> Instrument::configured_scan() const {
+  return fake_instrument().configured_scan;
 }
 
 void Instrument::start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
@@ -60,6 +65,9 @@ void Instrument::capture_free(std::uint32_t windows,
                               std::function<void(std::optional<FreeResponse>, std::string)> done) {
   willing().free_windows = windows;
   fake_instrument().free_done = std::move(done);
+}
+void Instrument::cancel_free() {
+  ++fake_instrument().free_cancelled;
 }
 
 Drive Instrument::drive() const {

@@ -16,13 +16,15 @@ struct FakeInstrument {
   Description description;
   InstrumentStatus status;
   Drive drive;
-  std::optional<ScanLayout> scan_layout;
+  std::optional<ScanLayout> configured_scan, scan_layout;
   std::uint32_t scan_frames = 0;
   std::vector<LineMark> lines;
   std::vector<std::string> recordings;
   std::uint32_t free_windows = 0;
+  int free_cancelled = 0;
   std::function<void(std::optional<FreeResponse>, std::string)> free_done;
   std::optional<FitSettings> fit;
+  std::function<void()> on_stop;
   bool scanning = false;
   double spectrum_hz = 0.0;
   std::string refuse;  // not empty: controls throw this

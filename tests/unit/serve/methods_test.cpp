@@ -22,7 +22,7 @@ class Methods : public testing::Test {
     scan.lines = 64;
     scan.columns = 32;
     scan.pixel_samples = 100000;
-    fake.description.scan = scan;
+    fake.description.scan = fake.configured_scan = scan;
   }
 
   // A table as of now: what is in it depends on what the digitizer can.
@@ -70,16 +70,16 @@ class Methods : public testing::Test {
 TEST_F(Methods, ListsWhatWorksHere) {
   EXPECT_THAT(names(), testing::UnorderedElementsAre("rpc.discover", "instrument.info", "instrument.status",
                                                      "scan.start", "scan.stop", "record.start", "record.stop",
-                                                     "free.capture", "drive.get", "drive.set", "model.list",
-                                                     "model.set", "subscribe", "unsubscribe"));
+                                                     "free.capture", "free.cancel", "drive.get", "drive.set",
+                                                     "model.list", "model.set", "subscribe", "unsubscribe"));
 }
 
 TEST_F(Methods, ListsNoScannerAndNoDriveWhereThereIsNone) {
   fake.info.has_scanner = fake.info.has_drive = fake.info.marks_lines = false;
-  EXPECT_THAT(names(),
-              testing::UnorderedElementsAre("rpc.discover", "instrument.info", "instrument.status",
-                                            "scan.line", "record.start", "record.stop", "free.capture",
-                                            "model.list", "model.set", "subscribe", "unsubscribe"));
+  EXPECT_THAT(names(), testing::UnorderedElementsAre("rpc.discover", "instrument.info", "instrument.status",
+                                                     "scan.line", "record.start", "record.stop",
+                                                     "free.capture", "free.cancel", "model.list", "model.set",
+                                                     "subscribe", "unsubscribe"));
   EXPECT_EQ(ask("scan.start")["error"]["code"], rpc_method_not_found);
 }
 
@@ -136,6 +136,13 @@ TEST_F(Methods, ScansAsConfiguredOrAsAsked) {
   EXPECT_FALSE(fake.scanning);
 }
 
+TEST_F(Methods, WhatAScanDoesNotSayIsAsConfiguredNotAsItLastWas) {
+  fake.description.scan->columns = 7;
+  result("scan.start", {{"lines", 8}});
+  ASSERT_TRUE(fake.scan_layout);
+  EXPECT_EQ(fake.scan_layout->columns, 32U);
+}
+
 TEST_F(Methods, ScanErrorsNameTheParameter) {
   expect_pointer("scan.start", {{"lines", 0}}, "/lines");
   expect_pointer("scan.start", {{"frames", -1}}, "/frames");
@@ -188,6 +195,19 @@ TEST_F(Methods, FreeCaptureAnswersOnTheIoThreadWhenItIsDone) {
   EXPECT_EQ(message["result"]["first_sample"], 77);
   EXPECT_EQ(message["result"]["mean_nm"], Json::parse("[[1.0,-2.0]]"));
   expect_pointer("free.capture", {{"windows", 0}}, "/windows");
+}
+
+TEST_F(Methods, FreeCaptureIsGivenUpWhenItsClientIsGoneOrOnRequest) {
+  ask("free.capture", {{"windows", 1000000}});
+  const Subscriptions other;
+  table().gone(other);
+  EXPECT_EQ(fake.free_cancelled, 0) << "another client's";
+  table().gone(caller);
+  EXPECT_EQ(fake.free_cancelled, 1);
+  table().gone(caller);
+  EXPECT_EQ(fake.free_cancelled, 1);
+  result("free.cancel");
+  EXPECT_EQ(fake.free_cancelled, 2);
 }
 
 TEST_F(Methods, FreeCaptureSaysWhyNot) {

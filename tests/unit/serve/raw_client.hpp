@@ -54,6 +54,11 @@ class RawClient {
     return true;
   }
   void end_of_input() const { ::shutdown(socket_, SHUT_WR); }
+  // What is closed then is reset: on TCP the other side learns of it at once.
+  void reset_on_close() const {
+    const linger at_once{1, 0};
+    ::setsockopt(socket_, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
+  }
 
   // The next line without its newline; empty at the end of the connection.
   std::optional<std::string> line() {

@@ -42,8 +42,9 @@ class Rpc : public testing::Test {
                "answers later",
                object_of(Json::object()),
                {},
-               RpcDeferredHandler(
-                   [this](const JsonView&, RpcRespond respond) { later.push_back(std::move(respond)); })});
+               RpcDeferredHandler([this](const JsonView&, const Subscriptions&, RpcRespond respond) {
+                 later.push_back(std::move(respond));
+               })});
   }
 
   void send(const std::string& line) {

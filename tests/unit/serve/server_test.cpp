@@ -124,6 +124,39 @@ TEST_F(ServerTest, PublishingNeedsNoClient) {
   server->publish_event({"gap", 1, 1, ""});
 }
 
+TEST_F(ServerTest, WhatTheInstrumentPutsOutWhileItStopsReachesTheClients) {
+  const SomePixel pixel;
+  fake_instrument().on_stop = [this, &pixel] {
+    server->publish_pixel(pixel.retired());
+    server->publish_event({"stream_ended", 500, 0, ""});
+  };
+  server->stop_on_signals();
+  run();
+  RawClient client = RawClient::to_unix(settings.unix_socket);
+  client.ask(subscribe_all);
+  ::kill(::getpid(), SIGTERM);
+  thread.join();
+  EXPECT_EQ(client.line(), pixel.line(PixelFields::all));
+  EXPECT_EQ(
+      client.line(),
+      R"({"jsonrpc":"2.0","method":"event","params":{"kind":"stream_ended","first_sample":500,"count":0,)"
+      R"("text":""}})");
+  EXPECT_EQ(client.line(), std::nullopt);
+}
+
+// One client takes nothing of what is still due: that holds up nobody for more than the half second.
+TEST_F(ServerTest, AClientThatStopsReadingDoesNotHoldUpTheStop) {
+  const SomePixel pixel;
+  fake_instrument().on_stop = [this, &pixel] {
+    for (int i = 0; i < 10000; ++i) server->publish_pixel(pixel.retired());
+  };
+  run();
+  RawClient idle = RawClient::to_unix(settings.unix_socket);
+  idle.ask(subscribe_all);
+  server->stop();
+  thread.join();
+}
+
 TEST_F(ServerTest, StopsOnSigterm) {
   server->stop_on_signals();
   run();

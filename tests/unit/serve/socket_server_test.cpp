@@ -42,7 +42,11 @@ class Running {
     table.add({"big", "", anything, {}, RpcHandler([](const JsonView&, Subscriptions&) -> Json {
                  return std::string(8192, 'b');
                })});
-    table.add({"later", "", anything, {}, RpcDeferredHandler([this](const JsonView&, RpcRespond respond) {
+    table.add({"later",
+               "",
+               anything,
+               {},
+               RpcDeferredHandler([this](const JsonView&, const Subscriptions&, RpcRespond respond) {
                  const std::lock_guard lock(mutex);
                  deferred.push_back(std::move(respond));
                })});
@@ -144,6 +148,43 @@ TEST_P(OnEitherSocket, AnswersWhatIsDueAfterTheEndOfInput) {
   running.answer_deferred(42);
   EXPECT_EQ(c.line(), R"({"jsonrpc":"2.0","id":2,"result":42})");
   EXPECT_EQ(c.line(), std::nullopt);
+}
+
+// As `echo REQUEST | socat -t 600 - UNIX:…` does it.
+TEST_P(OnEitherSocket, ServesASubscriberAfterTheEndOfItsInput) {
+  RawClient c = client();
+  c.send(request(1, "subscribe") + "\n" + request(2, "later") + "\n");
+  c.end_of_input();
+  EXPECT_EQ(c.line(), R"({"jsonrpc":"2.0","id":1,"result":true})");
+  while (running.deferred_count() == 0) std::this_thread::yield();
+  running.answer_deferred(42);
+  EXPECT_EQ(c.line(), R"({"jsonrpc":"2.0","id":2,"result":42})");
+  for (std::uint64_t sample = 0; sample < 100; ++sample) {
+    running.publish(sample, 1);
+    EXPECT_EQ(c.line(), "{\"sample\":" + std::to_string(sample) + ",\"pad\":\"p\"}");
+  }
+}
+
+// Nothing is published: only the connection itself can tell.
+TEST_P(OnEitherSocket, ForgetsASubscriberThatHangsUpAfterTheEndOfItsInput) {
+  {
+    RawClient gone = client();
+    gone.ask(request(1, "subscribe"));
+    gone.end_of_input();
+    RawClient other = client();
+    EXPECT_EQ(other.ask(request(1, "ping")), pong);
+    EXPECT_TRUE(running.server.wanted().pixel);
+    gone.reset_on_close();
+  }
+  while (running.server.wanted().pixel) std::this_thread::yield();
+}
+
+TEST_P(OnEitherSocket, ForgetsASubscriberThatIsGoneWhenAPixelDoesNotReachIt) {
+  client().ask(request(1, "subscribe"));
+  for (std::uint64_t sample = 0; running.server.wanted().pixel; ++sample) {
+    running.publish(sample);
+    std::this_thread::yield();
+  }
 }
 
 TEST_P(OnEitherSocket, AClientThatIsGoneIsNotMissed) {
@@ -305,6 +346,22 @@ TEST(SocketServer, TurnsAwayTooManyClients) {
     RawClient next = running.unix_client();
     if (next.send(request(1, "ping") + "\n") && next.line() == pong) break;
   }
+}
+
+TEST(SocketServer, AClientThatOnlyListensMakesRoomForOneThatComes) {
+  Running running;
+  std::vector<RawClient> clients;
+  for (std::size_t i = 0; i < SocketServer::max_clients; ++i) {
+    clients.push_back(running.unix_client());
+    clients.back().ask(request(1, "subscribe"));
+  }
+  clients.front().end_of_input();
+  for (;;) {  // as soon as the server has seen the end of its input
+    RawClient next = running.unix_client();
+    if (next.send(request(1, "ping") + "\n") && next.line() == pong) break;
+  }
+  EXPECT_EQ(clients.front().line(), std::nullopt);
+  EXPECT_EQ(clients.back().ask(request(1, "ping")), pong);
 }
 
 TEST(SocketServer, TicksOnceASecond) {
