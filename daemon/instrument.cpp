@@ -123,6 +123,7 @@ class Instrument::Impl {
 
   void start_scan(std::optional<ScanLayout> layout, std::uint32_t frames) {
     if (digitizer_->status().scanning) throw std::logic_error("a scan is running");
+    const std::scoped_lock lock(changing_);
     Description next = description();
     next.scan = layout ? layout : configured_scan_;
     if (!next.scan)
@@ -159,8 +160,14 @@ class Instrument::Impl {
       truth_.emplace(recording + ".truth.ndjson", *simulated_);
       truth = Json{{"file", plain + ".truth.ndjson"}};
     }
-    const std::scoped_lock lock(mutex_);
-    recorder_->start(recording, in_force_, truth);
+    try {
+      const std::scoped_lock lock(mutex_);
+      recorder_->start(recording, in_force_, truth);
+    } catch (...) {  // what was refused leaves no file
+      if (truth_) std::filesystem::remove(recording + ".truth.ndjson");
+      truth_.reset();
+      throw;
+    }
     return recorder_->summary().meta_path;
   }
 
@@ -177,11 +184,12 @@ class Instrument::Impl {
       throw std::logic_error("a recording without lines has no free stretch to capture");
     pipeline_->capture_free(windows, [this, done = std::move(done)](std::optional<FreeResponse> free,
                                                                     std::string why) {
+      if (free && !take_free(*free)) {
+        free.reset();
+        why = "the drive changed";
+      }
       if (free) {
-        Description next = description();
-        next.free_response = free;
-        warn_of_lost_tone(next);
-        pipeline_->change(std::move(next));
+        warn_of_lost_tone(*free);
         if (!why.empty() && outputs_.event)
           outputs_.event({.kind = "incoherent", .first_sample = free->first_sample, .count = 0, .text = why});
       }
@@ -194,13 +202,16 @@ class Instrument::Impl {
   Drive drive() const { return digitizer_->drive(); }
 
   void set_drive(const Drive& drive) {
+    const std::scoped_lock lock(changing_);
     Description next = description();
     next.free_response.reset();  // it was the response to the old drive
     digitizer_->set_drive(drive);
+    drive_from_ = digitizer_->status().next_sample;
     pipeline_->change(std::move(next));
   }
 
   void set_fit(const FitSettings& fit) {
+    const std::scoped_lock lock(changing_);
     Description next = description();
     next.fit = fit;
     pipeline_->change(std::move(next));
@@ -232,9 +243,18 @@ class Instrument::Impl {
     return description;
   }
 
-  void warn_of_lost_tone(const Description& captured) const {
-    const FreeResponse& free = *captured.free_response;
-    const std::string why = find_lost_tone(*captured.comb, free);
+  // False: it is, or may be, the response to a drive that is no more.
+  bool take_free(const FreeResponse& free) {
+    const std::scoped_lock lock(changing_);
+    if (free.first_sample < drive_from_) return false;
+    Description next = description();
+    next.free_response = free;
+    pipeline_->change(std::move(next));
+    return true;
+  }
+
+  void warn_of_lost_tone(const FreeResponse& free) const {
+    const std::string why = find_lost_tone(*description().comb, free);
     if (!why.empty() && outputs_.event)
       outputs_.event({.kind = "warning", .first_sample = free.first_sample, .count = 0, .text = why});
   }
@@ -263,8 +283,12 @@ class Instrument::Impl {
   std::optional<BlockSink> sink_;
   std::optional<Recorder> recorder_;
   std::optional<TruthWriter> truth_;
-  std::mutex mutex_;      // of in_force_, and so that no change slips past a recording that starts
-  Description in_force_;  // of the pixel last put out
+  // From reading the description to its change: the control thread's, and the output thread's as a capture
+  // ends.
+  std::mutex changing_;
+  std::uint64_t drive_from_ = 0;  // no sample before it shows the drive that is set
+  std::mutex mutex_;              // of in_force_, and so that no change slips past a recording that starts
+  Description in_force_;          // of the pixel last put out
   std::optional<Pipeline> pipeline_;
 };
 

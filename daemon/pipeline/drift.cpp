@@ -44,6 +44,11 @@ void TurnMeter::add(std::span<const std::complex<double>> phasors) {
   ++windows_;
 }
 
+void TurnMeter::begin_again() {
+  for (Tone& tone : tones_) tone = {.bin = tone.bin, .index = tone.index};
+  windows_ = 0;
+}
+
 std::string TurnMeter::find_turn(double tolerance_rad) const {
   if (windows_ < least_windows) return {};
   const auto turns = static_cast<double>(windows_ - 1);

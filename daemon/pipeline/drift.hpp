@@ -23,6 +23,7 @@ class TurnMeter {
 
   // The next window: peak phasors, one a tone of the comb, in any unit.
   void add(std::span<const std::complex<double>> phasors);
+  void begin_again();  // as if no window had come
 
   // "", or for people what turned: a tone that is seen in every window and whose phase moved, first window to
   // last, by more than `tolerance_rad` plus four times what its scatter from window to window explains. ""

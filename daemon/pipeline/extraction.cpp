@@ -192,6 +192,7 @@ void Extraction::apply(const StreamMark& mark) {
       break;
     case StreamMark::Kind::step:
       last_step_ = mark.sample;
+      free_windows_.begin_again();
       break;
     case StreamMark::Kind::scan_ended:
       cut_line();

@@ -1,5 +1,6 @@
 #include "daemon/pipeline/free_capture.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace combforce {
@@ -27,6 +28,13 @@ bool FreeCapture::add(std::uint64_t first_sample, std::span<const std::complex<d
     for (std::size_t j = 0; j < n; ++j) scatter_[i * n + j] += weight * deviation_[i] * deviation_[j];
   turns_.add(tip_nm);
   return added_ == windows_;
+}
+
+void FreeCapture::begin_again() {
+  added_ = 0;
+  std::ranges::fill(mean_, 0.0);
+  std::ranges::fill(scatter_, 0.0);
+  turns_.begin_again();
 }
 
 void FreeCapture::finish() const {

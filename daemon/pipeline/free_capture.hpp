@@ -29,6 +29,7 @@ class FreeCapture {
   // Adds a window that starts at `first_sample`: tip deflection, nm. True when it was the last. Does not
   // allocate.
   bool add(std::uint64_t first_sample, std::span<const std::complex<double>> tip_nm);
+  void begin_again();  // what was added counts no more: the motion is another one now
   void fail(const char* why) { failure_ = why; }
 
   // Whoever holds it may ask for the capture to be given up, at any time and from any thread.

@@ -35,6 +35,10 @@ class FreeWindows {
   bool complete() const { return complete_; }
   bool cancelled() const { return capture_ != nullptr && capture_->cancelled(); }
   void restart() { window_ = never; }  // the window in progress is void: another analysis took over
+  void begin_again() {                 // a step was commanded: windows before it and after do not mix
+    restart();
+    if (capture_ != nullptr) capture_->begin_again();
+  }
 
   // Ends the capture, with a reason when it is not complete; null when none was under way.
   std::unique_ptr<FreeCapture> end(const char* failure);

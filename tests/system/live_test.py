@@ -206,6 +206,14 @@ class Live(SystemTest):
         self.assertIn("is noise", event["text"])
         self.assertIn("warning warning at", daemon.log())
 
+    def test_capture_right_after_a_change_of_the_drive_is_of_the_new_one(self):
+        control = self.daemon(small_instrument(LINES, COLUMNS)).client()
+        for amplitudes in [[20, 10], [10, 5], [30, 2]]:
+            control.call("drive.set", scheme="amplitudes", amplitudes_nm=amplitudes)
+            captured = control.call("free.capture", windows=8)["mean_nm"]
+            for (re, im), amplitude in zip(captured, amplitudes):
+                self.assertAlmostEqual(amplitude, (re * re + im * im) ** 0.5, delta=0.02 * amplitude)
+
     def test_spectra_of_the_deflection(self):
         control = self.daemon(small_instrument(LINES, COLUMNS)).client()
         control.call("subscribe", topics=["spectrum"], spectrum_hz=10)

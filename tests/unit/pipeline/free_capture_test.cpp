@@ -64,6 +64,26 @@ TEST(FreeCapture, SaysWhyThereIsNone) {
   EXPECT_EQ(reason, "samples were lost");
 }
 
+TEST(FreeCapture, BegunAgainKnowsNothingOfBefore) {
+  const std::vector<std::complex<double>> before{{100.0, -3.0}};
+  const std::vector<std::vector<std::complex<double>>> after{
+      {{1.0, 0.0}}, {{1.2, 0.1}}, {{0.9, 0.1}}, {{1.0, -0.1}}};
+  const auto captured = [&](bool with_before) {
+    std::optional<FreeResponse> result;
+    FreeCapture capture(
+        4, comb_of(1), tolerance,
+        [&](std::optional<FreeResponse> response, const std::string&) { result = std::move(response); });
+    if (with_before) {
+      for (int i = 0; i < 3; ++i) EXPECT_FALSE(capture.add(0, before));
+      capture.begin_again();
+    }
+    for (std::size_t i = 0; i < after.size(); ++i) EXPECT_EQ(capture.add(5000 + i, after[i]), i == 3);
+    capture.finish();
+    return result;
+  };
+  EXPECT_EQ(captured(true), captured(false));
+}
+
 TEST(FreeCapture, OneWindowHasNoCovariance) {
   FreeCapture capture(1, comb_of(1), tolerance,
                       [](const std::optional<FreeResponse>& response, const std::string&) {
