@@ -11,9 +11,7 @@ void add_version(CLI::App& app) {
   for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) add_version(*sub);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app{"Forces from multifrequency AFM: offline tool, and client of combforced", "combforce"};
   app.require_subcommand(1);
   combforce::Command command;
@@ -33,5 +31,11 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? combforce::exit_done : combforce::exit_usage;
   }
-  return combforce::run_command("combforce", command);
+  return command();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return combforce::run_program("combforce", [argc, argv] { return run(argc, argv); });
 }

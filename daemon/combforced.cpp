@@ -89,9 +89,7 @@ int run(const Options& options) {
   return serve(configuration);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app{"Combforce daemon: forces from multifrequency AFM, live", "combforced"};
   app.set_version_flag("--version", "combforced " COMBFORCE_VERSION);
   Options options;
@@ -105,5 +103,11 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? exit_done : exit_usage;
   }
-  return run_command("combforced", [&options] { return run(options); });
+  return run(options);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return combforce::run_program("combforced", [argc, argv] { return run(argc, argv); });
 }
