@@ -60,9 +60,14 @@ class Watch {
     progress_.clear();
   }
 
+  // Also of what came before follow() failed.
+  void write_maps() const {
+    if (!options_.maps.empty() && maps_.lines() > 0) maps_.write();
+  }
+
   void finish() {
     if (output_) output_->close();
-    if (!options_.maps.empty()) maps_.write();
+    write_maps();
     if (!options_.truth.empty()) report();
     if (skipped_ > 0) {
       throw std::runtime_error(fmt::format("{} pixels were skipped: this client was too slow", skipped_));
@@ -180,7 +185,12 @@ class Watch {
 
 int run_watch(const WatchOptions& options) {
   Watch watch(options);
-  watch.follow();
+  try {
+    watch.follow();
+  } catch (const std::exception&) {
+    watch.write_maps();
+    throw;
+  }
   watch.finish();
   return exit_done;
 }

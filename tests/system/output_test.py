@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """What both programs print and write: lost output is a failure, and what is read is never overwritten."""
 import json
+import signal
+import subprocess
 import unittest
 
-from harness import COMBFORCE, COMBFORCED, SystemTest, run, small_instrument
+from harness import COMBFORCE, COMBFORCED, PATIENCE_S, SystemTest, run, small_instrument, wait_for
 
 LINES, COLUMNS = 2, 4
 
@@ -94,6 +96,22 @@ class ReplayInputs(OutputTest):
         (self.directory / "no-comb.sigmf-data").write_bytes(self.data.read_bytes())
         self.refuses(3, f"{without_comb}: comb: missing", "replay", without_comb, "--output", output)
         self.refuses(2, "--model: nope", "replay", self.meta, "--model", "nope", "--output", output)
+
+
+class Watch(SystemTest):
+    def test_maps_of_a_scan_that_the_daemon_does_not_finish(self):
+        for sent in [signal.SIGTERM, signal.SIGKILL]:
+            with self.subTest(signal=sent.name):
+                daemon = self.daemon(small_instrument(1000, 100))
+                maps, output = self.directory / f"maps-{sent.name}", self.directory / f"{sent.name}.ndjson"
+                watch = subprocess.Popen(
+                    [COMBFORCE, "watch", "--connect", f"unix:{daemon.socket_path}", "--start-scan", "--frames", "1",
+                     "--maps", maps, "--output", output], stderr=subprocess.PIPE, text=True)
+                wait_for(lambda: output.exists() and output.stat().st_size > 0, "the first pixel")
+                daemon.end(sent)
+                _, said = watch.communicate(timeout=PATIENCE_S)
+                self.assertEqual(1, watch.returncode, said)
+                self.assertTrue((maps / "trace_status.gsf").exists(), said)
 
 
 if __name__ == "__main__":
