@@ -83,6 +83,9 @@ class ReplayInputs(OutputTest):
             self.refuses(1, f"{output}: would overwrite", "replay", self.meta, "--output", output)
         self.refuses(1, "would overwrite", "replay", self.meta, "--config", self.configuration, "--output",
                      self.configuration)
+        for option in ["--output", "--table"]:
+            self.refuses(1, "would overwrite", "calibrate", "thermal", self.meta, "--sensitivity", "1", option,
+                         self.data)
 
     def test_that_are_bad_leave_the_output_alone(self):
         output = self.write("old.ndjson", "kept\n")
