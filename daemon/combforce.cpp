@@ -1,6 +1,9 @@
 // combforce: client of combforced and offline tool.
 #include <CLI/CLI.hpp>
 
+#include <string>
+#include <vector>
+
 #include "daemon/cli/commands.hpp"
 #include "daemon/cli/exit_code.hpp"
 
@@ -9,6 +12,14 @@ namespace {
 void add_version(CLI::App& app) {
   app.set_version_flag("--version", "combforce " COMBFORCE_VERSION);
   for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) add_version(*sub);
+}
+
+// Where a subcommand was wanted: the word that is none. Empty: none was given.
+std::string unknown_subcommand(const CLI::App& app) {
+  const std::vector<CLI::App*> chosen = app.get_subcommands();
+  if (!chosen.empty()) return unknown_subcommand(*chosen.front());
+  const std::vector<std::string> extra = app.remaining();
+  return app.get_require_subcommand_min() > 0 && !extra.empty() ? extra.front() : "";
 }
 
 int run(int argc, char** argv) {
@@ -28,6 +39,13 @@ int run(int argc, char** argv) {
 
   try {
     app.parse(argc, argv);
+  } catch (const CLI::RequiredError& error) {
+    const std::string unknown = unknown_subcommand(app);
+    if (unknown.empty())
+      app.exit(error);
+    else
+      app.exit(CLI::ValidationError(unknown, "is no subcommand"));
+    return combforce::exit_usage;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? combforce::exit_done : combforce::exit_usage;
   }

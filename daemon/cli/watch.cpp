@@ -20,6 +20,7 @@
 #include "daemon/cli/interrupt_flag.hpp"
 #include "daemon/cli/line_output.hpp"
 #include "daemon/cli/maps.hpp"
+#include "daemon/cli/number_checks.hpp"
 #include "daemon/cli/pixel_reader.hpp"
 #include "daemon/cli/progress.hpp"
 #include "daemon/cli/scene_report.hpp"
@@ -209,11 +210,10 @@ void add_watch(CLI::App& app, Command& command) {
       ->check(CLI::IsMember({"fit", "all"}))
       ->capture_default_str();
   watch->add_option("--every", options->every, "Every n-th pixel")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
-  watch->add_option("--count", options->count, "End after so many lines")->check(CLI::PositiveNumber);
-  watch->add_option("--frames", options->frames, "End after so many whole frames")
-      ->check(CLI::PositiveNumber);
+  watch->add_option("--count", options->count, "End after so many lines")->check(positive_number());
+  watch->add_option("--frames", options->frames, "End after so many whole frames")->check(positive_number());
   watch->add_flag("--start-scan", options->start_scan, "Start a scan of --frames (or one) once subscribed");
   watch
       ->add_option("--output", options->output,

@@ -29,6 +29,17 @@ class CommandLine(SystemTest):
             self.assertEqual(2, done.returncode, command)
             self.assertNotEqual("", done.stderr, command)
 
+    def test_usage_errors_name_what_is_wrong(self):
+        for arguments, said in [(["bogus"], "bogus: is no subcommand"), (["scan", "bogus"], "bogus: is no subcommand"),
+                                (["scan", "start", "--lines", "0"], "--lines: 0, must be a number above 0"),
+                                (["watch", "--count", "-1"], "--count: -1, must be a number above 0"),
+                                (["calibrate", "thermal", "--temperature", "inf"], "--temperature: inf, must be"),
+                                (["status", "--connect", "127.0.0.1:99999"], "port 99999, must be 1..65535")]:
+            done = run(COMBFORCE, *arguments)
+            self.assertEqual(2, done.returncode, (arguments, done.stderr))
+            self.assertIn(said, done.stderr)
+            self.assertLess(max(map(len, done.stderr.split())), 40, done.stderr)  # no bound of 309 digits
+
     def test_no_daemon_ends_with_1(self):
         socket = self.directory / "nobody.sock"
         done = run(COMBFORCE, "status", "--connect", f"unix:{socket}")
