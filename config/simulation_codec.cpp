@@ -7,6 +7,8 @@
 #include <limits>
 #include <span>
 
+#include "config/field_message.hpp"
+#include "drivers/simulated/scene.hpp"
 #include "fit/force_model.hpp"
 
 namespace combforce {
@@ -183,6 +185,7 @@ void read_course(const JsonView& view, SimulationSettings& simulation) {
 // Fails at `pointer` ("/comb/…") of the section, or of the configuration when the section has taken it from
 // there.
 [[noreturn]] void fail_at(const JsonView& view, const std::string& pointer, const std::string& message) {
+  if (pointer.empty()) view.fail(message);
   const std::string key = pointer.substr(1, pointer.find('/', 1) - 1);
   JsonView(view.json(), view.file(), (view.find(key) ? view.pointer() : "") + pointer).fail(message);
 }
@@ -209,6 +212,13 @@ void check(const JsonView& view, const SimulationSettings& simulation) {
     check_list(view, "/drive/amplitudes_nm", simulation.drive.amplitudes_nm, driven);
   if (!simulation.drive.phases_rad.empty())
     check_list(view, "/drive/phases_rad", simulation.drive.phases_rad, driven);
+  try {
+    validate(simulation);
+    check_scene(simulation.scene, find_model(simulation.model), simulation.layout);
+  } catch (const std::invalid_argument& error) {
+    const FieldMessage refused = split_field(error.what(), "simulation.");
+    fail_at(view, refused.pointer, refused.message);
+  }
 }
 
 Json encode_by_parameter(const ModelInfo& model, const auto& values) {

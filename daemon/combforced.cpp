@@ -5,12 +5,16 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <stdexcept>
 #include <string>
 
 #include "config/configuration.hpp"
+#include "config/field_message.hpp"
 #include "daemon/cli/exit_code.hpp"
 #include "daemon/instrument.hpp"
 #include "daemon/serve/server.hpp"
+#include "drivers/simulated/scene.hpp"
+#include "fit/force_model.hpp"
 
 namespace {
 
@@ -22,13 +26,33 @@ struct Options {
   bool print = false;
 };
 
+// The maps of a scene are else only read when a scan starts.
+void check_maps(const DigitizerSettings& digitizer) {
+  const SimulationSettings& simulation = digitizer.simulation;
+  if (digitizer.kind == DigitizerSettings::Kind::simulated &&
+      simulation.scene.kind == SceneSettings::Kind::maps)
+    make_scene(simulation.scene, find_model(simulation.model), simulation.layout);
+}
+
 Configuration load(const Options& options) {
   if (options.config.empty()) return {};
   Configuration configuration = load_configuration(options.config);
   if (configuration.digitizer.kind == DigitizerSettings::Kind::none) {
     throw InputError(options.config, "/digitizer", "is missing: the daemon needs one");
   }
+  check_maps(configuration.digitizer);
   return configuration;
+}
+
+// What only the parts find, said of the file.
+Instrument make_instrument(const Options& options, const Configuration& configuration,
+                           const PipelineOutputs& outputs) {
+  try {
+    return {configuration, outputs};
+  } catch (const std::invalid_argument& error) {
+    const FieldMessage refused = split_field(error.what());
+    throw InputError(options.config, refused.pointer, refused.message);
+  }
 }
 
 void start_logging(const std::string& level) {
@@ -66,12 +90,12 @@ void log_addresses(const ServerSettings& settings, const Server& server) {
   if (const std::string tcp = server.tcp_endpoint(); !tcp.empty()) spdlog::info("listening on {}", tcp);
 }
 
-int serve(const Configuration& configuration) {
+int serve(const Options& options, const Configuration& configuration) {
   start_logging(configuration.log_level);
   std::signal(SIGPIPE, SIG_IGN);
   Server server(configuration.server);
   server.stop_on_signals();
-  Instrument instrument(configuration, outputs_to(server));
+  Instrument instrument = make_instrument(options, configuration, outputs_to(server));
   log_addresses(configuration.server, server);
   instrument.start();
   spdlog::info("{} runs at {} samples/s", instrument.info().name, instrument.info().sample_rate_hz);
@@ -87,15 +111,14 @@ int run(const Options& options) {
     return exit_done;
   }
   if (options.check) {
+    make_instrument(options, configuration, {});
     std::printf("%s: good\n", options.config.c_str());
     return exit_done;
   }
-  return serve(configuration);
+  return serve(options, configuration);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   CLI::App app{"Combforce daemon: forces from multifrequency AFM, live", "combforced"};
   app.set_version_flag("--version", "combforced " COMBFORCE_VERSION);
   Options options;
@@ -109,5 +132,11 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? exit_done : exit_usage;
   }
-  return run_command("combforced", [&options] { return run(options); });
+  return run(options);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return combforce::run_program("combforced", [argc, argv] { return run(argc, argv); });
 }

@@ -283,7 +283,9 @@ ThermalFit fit_thermal(const AveragedSpectrum& spectrum, const ThermalFitSetting
   ThermalFit fit;
   fit.status = minimise(model, settings, mean, p) ? ThermalStatus::converged : ThermalStatus::not_converged;
   for (std::size_t m = 0; m < modes; ++m)
-    fit.modes.push_back({std::exp(p[3 * m]), std::exp(p[3 * m + 1]), std::exp(p[3 * m + 2])});
+    fit.modes.push_back({std::exp(p[3 * m]),
+                         std::clamp(std::exp(p[3 * m + 1]), least_quality_factor, most_quality_factor),
+                         std::exp(p[3 * m + 2])});
   fit.floor_v2_per_hz = std::exp(p.back());
   fit.floor_determined = fit.floor_v2_per_hz > 2.0 * least_floor * mean;
   fit.bins = model.bins().size();

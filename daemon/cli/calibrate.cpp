@@ -3,13 +3,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "config/configuration.hpp"
@@ -19,6 +21,7 @@
 #include "daemon/cli/commands.hpp"
 #include "daemon/cli/exit_code.hpp"
 #include "daemon/cli/line_output.hpp"
+#include "daemon/cli/number_checks.hpp"
 #include "proto/sigmf.hpp"
 
 namespace combforce {
@@ -39,6 +42,7 @@ struct ThermalCommand {
   BeamInFluid beam;
   std::optional<double> temperature_k;
   CalibrationSettings settings;
+  std::string scaling = "stiffness";
   bool json = false;
 };
 
@@ -123,13 +127,34 @@ OscillatorStart start_of(const FittedMode& mode) {
   return {mode.frequency_hz, mode.quality_factor};
 }
 
+BandFit fit_one(const ThermalSource& source, ThermalFitSettings settings) {
+  try {
+    const ThermalFit fit = fit_thermal(source.spectrum, settings);
+    return {std::move(settings), fit, {}};
+  } catch (const std::invalid_argument& error) {
+    throw InputError(source.name, "", error.what());
+  }
+}
+
+// Of a tone the fit makes an oscillator as narrow as it may.
+void require_resolved(const ThermalSource& source, const OscillatorStart& mode, double reach) {
+  constexpr double least_bins = 31.0;  // a fit wants 32 of them, of which one may lie at the edge
+  const double width_hz = mode.frequency_hz / mode.quality_factor;
+  if (2.0 * reach * width_hz >= least_bins * source.spectrum.bin_hz) return;
+  throw InputError(
+      source.name, "",
+      fmt::format(
+          "the peak at {:.6g} Hz is {:.2g} Hz wide, too narrow for bins of {:.3g} Hz: if it is a tone of "
+          "the drive, record with the drive off; if not, longer segments (--segment) resolve it",
+          mode.frequency_hz, width_hz, source.spectrum.bin_hz));
+}
+
 // Over a band that follows the mode, until it stays within 1 % of the width: the start does not matter then.
-BandFit fit_around(const AveragedSpectrum& spectrum, OscillatorStart start, double reach,
+BandFit fit_around(const ThermalSource& source, OscillatorStart start, double reach,
                    const std::vector<FrequencyBand>& excluded) {
+  constexpr std::array other_reaches{2.0 / 3.0, 4.0 / 3.0};
   const auto fit_with = [&](double wide) {
-    BandFit one{{around(spectrum, start, wide), excluded, {start}}, {}, {}};
-    one.fit = fit_thermal(spectrum, one.settings);
-    return one;
+    return fit_one(source, {around(source.spectrum, start, wide), excluded, {start}});
   };
   BandFit result = fit_with(reach);
   constexpr int most_rounds = 20;
@@ -137,22 +162,25 @@ BandFit fit_around(const AveragedSpectrum& spectrum, OscillatorStart start, doub
   for (int round = 0; round < most_rounds; ++round) {
     const OscillatorStart last = start;
     start = start_of(result.fit.modes[0]);
+    require_resolved(source, start, reach);
     const double width = start.frequency_hz / start.quality_factor;
     const bool stays = std::abs(start.frequency_hz - last.frequency_hz) < tolerance * width &&
                        std::abs(start.quality_factor / last.quality_factor - 1.0) < tolerance;
     if (stays) break;
     result = fit_with(reach);
   }
+  require_resolved(source, start, other_reaches.front() * reach);
   double spread = 0.0;
-  for (const double factor : {2.0 / 3.0, 4.0 / 3.0})
+  for (const double factor : other_reaches)
     spread = std::max(spread, std::abs(std::log(fit_with(factor * reach).fit.modes[0].variance_v2 /
                                                 result.fit.modes[0].variance_v2)));
   result.band_spread = spread;
   return result;
 }
 
-std::vector<BandFit> fit_all(const ThermalCommand& options, const AveragedSpectrum& spectrum,
+std::vector<BandFit> fit_all(const ThermalCommand& options, const ThermalSource& source,
                              const std::vector<OscillatorStart>& starts) {
+  const AveragedSpectrum& spectrum = source.spectrum;
   const auto bands = bands_of("--band", options.bands);
   const auto excluded = bands_of("--exclude", options.excluded);
   const std::size_t wanted = options.joint ? 1 : starts.size();
@@ -165,19 +193,23 @@ std::vector<BandFit> fit_all(const ThermalCommand& options, const AveragedSpectr
     FrequencyBand band = around(spectrum, starts.front(), options.reach);
     for (const OscillatorStart& start : starts)
       band.high_hz = std::max(band.high_hz, around(spectrum, start, options.reach).high_hz);
-    fits.push_back({{bands.empty() ? band : bands.front(), excluded, starts}, {}, {}});
-    fits.back().fit = fit_thermal(spectrum, fits.back().settings);
+    fits.push_back(fit_one(source, {bands.empty() ? band : bands.front(), excluded, starts}));
     return fits;
   }
   for (std::size_t m = 0; m < starts.size(); ++m) {
     if (bands.empty()) {
-      fits.push_back(fit_around(spectrum, starts[m], options.reach, excluded));
+      fits.push_back(fit_around(source, starts[m], options.reach, excluded));
       continue;
     }
-    fits.push_back({{bands[m], excluded, {starts[m]}}, {}, {}});
-    fits.back().fit = fit_thermal(spectrum, fits.back().settings);
+    fits.push_back(fit_one(source, {bands[m], excluded, {starts[m]}}));
   }
   return fits;
+}
+
+void require_count(const char* option, const std::vector<double>& values, std::size_t modes) {
+  if (values.size() > 1 && values.size() != modes)
+    throw std::invalid_argument(
+        fmt::format("{}: {} values, must be one, or {}, one a mode", option, values.size(), modes));
 }
 
 void choose_known(const ThermalCommand& options, const ThermalSource& source, CalibrationSettings& settings) {
@@ -221,15 +253,19 @@ ThermalResult calibrate(const ThermalCommand& options) {
   const Description configured =
       options.config.empty() ? Description{} : load_configuration(options.config).description;
   ThermalResult result{open(options, configured), {}, options.settings, {}, {}};
+  result.settings.scaling =
+      options.scaling == "sensitivity" ? ModeScaling::sensitivity : ModeScaling::stiffness;
   AveragedSpectrum& spectrum = result.source.spectrum;
   std::vector<OscillatorStart> starts = starts_of(options, result.source.description, result.source.vendor);
   for (OscillatorStart& start : starts)
     if (start.quality_factor == 0.0)
       start = find_start(spectrum, start.frequency_hz, {0.5 * start.frequency_hz, 2.0 * start.frequency_hz});
-  result.fits = fit_all(options, spectrum, starts);
+  require_count("--sensitivity", options.sensitivity, starts.size());
+  require_count("--stiffness", options.stiffness, starts.size());
+  result.fits = fit_all(options, result.source, starts);
   if (!result.source.averages_known) {
     spectrum.statistics.averages = result.fits.front().fit.scatter.averages;
-    result.fits = fit_all(options, spectrum, starts);
+    result.fits = fit_all(options, result.source, starts);
   }
   choose_known(options, result.source, result.settings);
   if (result.settings.known != KnownQuantity::sader && result.settings.values.empty()) return result;
@@ -243,6 +279,9 @@ ThermalResult calibrate(const ThermalCommand& options) {
 }
 
 int run_thermal(const ThermalCommand& options) {
+  const SigmfPaths recording = sigmf_paths(options.source);
+  for (const std::string& output : {options.output, options.table})
+    refuse_input(output, {options.source, recording.meta, recording.data, options.config});
   const ThermalResult result = calibrate(options);
   for (const auto& warning : warnings(result)) fmt::print(stderr, "combforce: {}\n", warning);
   if (!options.output.empty() && !result.calibrated)
@@ -274,7 +313,7 @@ void add_source_options(CLI::App& thermal, ThermalCommand& options) {
   add_connect(thermal, options.connect);
   thermal.add_option("--seconds", options.seconds, "of the daemon's stream, which it records")
       ->default_val(2.0)
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   thermal.add_option("--config", options.config, "channels, cantilever to start from and noise temperature");
   thermal
       .add_option("--segment", options.stream.segment_samples,
@@ -292,7 +331,7 @@ void add_source_options(CLI::App& thermal, ThermalCommand& options) {
   thermal
       .add_option("--averages", options.file.averages,
                   "of a file: independent periodograms averaged; default: from the scatter")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
 }
 
 void add_fit_options(CLI::App& thermal, ThermalCommand& options) {
@@ -308,37 +347,47 @@ void add_fit_options(CLI::App& thermal, ThermalCommand& options) {
 }
 
 void add_calibration_options(CLI::App& thermal, ThermalCommand& options) {
-  auto* sensitivity = thermal.add_option("--sensitivity", options.sensitivity,
-                                         "nm/V, known: of mode 1, or of every mode; gives stiffness");
-  auto* stiffness = thermal.add_option("--stiffness", options.stiffness,
-                                       "N/m, known: of mode 1, or of every mode; gives sensitivity");
+  auto* sensitivity = thermal
+                          .add_option("--sensitivity", options.sensitivity,
+                                      "nm/V, known: of mode 1, or of every mode; gives stiffness")
+                          ->check(positive_number());
+  auto* stiffness = thermal
+                        .add_option("--stiffness", options.stiffness,
+                                    "N/m, known: of mode 1, or of every mode; gives sensitivity")
+                        ->check(positive_number());
   auto* sader =
       thermal.add_flag("--sader", options.sader, "stiffness of mode 1 by Sader's method; gives sensitivity");
   stiffness->excludes(sensitivity);
   sader->excludes(sensitivity)->excludes(stiffness);
-  thermal.add_option("--length-um", options.beam.length_um, "of the rectangular cantilever")->needs(sader);
-  thermal.add_option("--width-um", options.beam.width_um, "of the rectangular cantilever")->needs(sader);
+  for (const auto& [name, value] :
+       {std::pair{"--length-um", &options.beam.length_um}, std::pair{"--width-um", &options.beam.width_um}}) {
+    auto* size = thermal.add_option(name, *value, "of the rectangular cantilever")->check(positive_number());
+    size->needs(sader);
+    sader->needs(size);
+  }
   options.beam.density_kg_per_m3 = 1.18;
   options.beam.viscosity_pa_s = 1.86e-5;
   thermal.add_option("--density", options.beam.density_kg_per_m3, "of the fluid, kg/m³; default: air")
+      ->check(positive_number())
       ->capture_default_str();
   thermal.add_option("--viscosity", options.beam.viscosity_pa_s, "of the fluid, Pa s; default: air")
+      ->check(positive_number())
       ->capture_default_str();
   thermal
       .add_option("--relative-error", options.settings.relative_error,
                   "standard error of what is known, relative")
-      ->check(CLI::NonNegativeNumber);
+      ->check(non_negative_number());
   thermal.add_option("--temperature", options.temperature_k, "K; default: what source or configuration say")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   thermal
       .add_option("--correction-factor", options.settings.correction_factor,
                   "c in k α² P = c kB T; 1: k and α of the mode; 0.971: static k of a beam; 0.817: static k "
                   "and static α")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
-  thermal.add_option("--scaling", options.settings.scaling, "how mode 1 gives the others, as in a beam")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, ModeScaling>{
-          {"stiffness", ModeScaling::stiffness}, {"sensitivity", ModeScaling::sensitivity}}));
+      ->check(positive_number());
+  thermal.add_option("--scaling", options.scaling, "how mode 1 gives the others, as in a beam")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"stiffness", "sensitivity"}));
   thermal.add_option("--mode-numbers", options.settings.mode_numbers, "of the beam; default: 1, 2, …");
 }
 

@@ -193,7 +193,7 @@ Json report_json(const ThermalResult& result) {
 }
 
 std::vector<std::string> warnings(const ThermalResult& result) {
-  std::vector<std::string> said;
+  std::vector<std::string> said = result.source.warnings;
   for (const BandFit& one : result.fits) check_fit(one, result.source, said);
   return said;
 }

@@ -39,6 +39,7 @@ class StreamSpectrum {
 
   void add(const SampleBlock& block) {
     const BlockHeader& header = block.header;
+    frames_ += header.frames;
     if (!first_ && (header.lost_before > 0 || header.epoch != epoch_)) {
       welch_.break_off();
       ++gaps_;
@@ -61,6 +62,7 @@ class StreamSpectrum {
   }
 
   const WelchSpectrum& welch() const { return welch_; }
+  std::uint64_t frames() const { return frames_; }
   std::uint64_t gaps() const { return gaps_; }
   std::uint64_t runs() const { return runs_; }
 
@@ -70,7 +72,7 @@ class StreamSpectrum {
   std::vector<double> volts_;
   bool first_ = true, continues_ = false;
   std::uint32_t epoch_ = 0;
-  std::uint64_t gaps_ = 0, runs_ = 0;
+  std::uint64_t frames_ = 0, gaps_ = 0, runs_ = 0;
 };
 
 void run(ReplayDigitizer& digitizer, StreamSpectrum& spectrum) {
@@ -125,6 +127,7 @@ ThermalSource read_stream(const std::string& recording, const Description& confi
   ReplayDigitizer digitizer(recording, {.realtime = false, .verify = options.verify});
   ThermalSource source;
   source.name = sigmf_paths(recording).meta;
+  source.warnings = digitizer.warnings();
   source.description = overlay(digitizer.meta().description, configured);
   const StreamInfo& info = digitizer.info();
   const Channels& channels = source.description.channels ? *source.description.channels : info.channels;
@@ -137,7 +140,7 @@ ThermalSource read_stream(const std::string& recording, const Description& confi
   if (source.segments == 0)
     throw InputError(source.name, "",
                      fmt::format("{} samples, no stretch of them as long as a segment of {} samples",
-                                 digitizer.status().next_sample, segment));
+                                 stream.frames(), segment));
   source.spectrum = {0.0, stream.welch().bin_hz(), stream.welch().density(),
                      hann_statistics(source.segments, stream.runs()),
                      HannRecord{segment, info.sample_rate_hz}};

@@ -10,7 +10,9 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
+#include <system_error>
 #include <utility>
 
 #include "daemon/cli/interrupt_flag.hpp"
@@ -20,6 +22,7 @@ namespace combforce {
 namespace {
 
 constexpr std::size_t max_line_bytes = std::size_t{64} << 20;
+constexpr unsigned most_port = 65535;
 constexpr int rpc_invalid_params = -32602;
 constexpr std::string_view unix_prefix = "unix:";
 
@@ -35,11 +38,20 @@ std::optional<HostPort> split(const std::string& where) {
   return HostPort{host, where.substr(colon + 1)};
 }
 
+bool is_port(const std::string& text) {
+  unsigned port = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, port);
+  return error == std::errc{} && stop == end && port >= 1 && port <= most_port;
+}
+
 std::string why_not(const std::string& where) {
   if (where.starts_with(unix_prefix)) {
     return where.size() > unix_prefix.size() ? "" : "unix: needs a path";
   }
-  return split(where) ? "" : where + ": is neither unix:PATH nor HOST:PORT";
+  const auto parts = split(where);
+  if (!parts) return where + ": is neither unix:PATH nor HOST:PORT";
+  return is_port(parts->port) ? "" : fmt::format("{}: port {}, must be 1..{}", where, parts->port, most_port);
 }
 
 [[noreturn]] void fail(const std::string& where, const std::string& why) {

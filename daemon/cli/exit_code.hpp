@@ -17,4 +17,9 @@ enum ExitCode : int {
 // stderr; std::invalid_argument likewise, anything else as failed, with "PROGRAM: what()".
 int run_command(const std::string& program, const std::function<int()>& command);
 
+// All of main(): run_command(), and a run whose stdout could not take all that was printed is a failed one. A
+// file size limit is an error like a full disk, no signal; a standard file that is closed is none that a file
+// opened later could be mistaken for.
+int run_program(const std::string& program, const std::function<int()>& body);
+
 }  // namespace combforce

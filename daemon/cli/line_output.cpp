@@ -4,10 +4,20 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 namespace combforce {
+
+void refuse_input(const std::string& path, const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    std::error_code unknown;  // one of them does not exist
+    if (std::filesystem::equivalent(path, input, unknown))
+      throw std::runtime_error(fmt::format("{}: would overwrite {}, which is read", path, input));
+  }
+}
 
 LineOutput::LineOutput(const std::string& path)
     : path_(path), file_(path == "-" ? stdout : std::fopen(path.c_str(), "we")) {
@@ -33,7 +43,7 @@ void LineOutput::close() {
 }
 
 void LineOutput::fail() const {
-  throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
+  throw std::runtime_error(fmt::format("{}: {}", path_ == "-" ? "stdout" : path_, std::strerror(errno)));
 }
 
 }  // namespace combforce

@@ -4,8 +4,13 @@
 #include <cstdio>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace combforce {
+
+// Throws std::runtime_error when `path`, about to be written, is one of these files that are read. Empty
+// names and "-" are none.
+void refuse_input(const std::string& path, const std::vector<std::string>& inputs);
 
 // Thread-bound. Throws std::runtime_error naming the file when it cannot be opened or not all could be
 // written.

@@ -3,8 +3,13 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <condition_variable>
+#include <cstdio>
+#include <exception>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -15,6 +20,7 @@
 #include "daemon/cli/maps.hpp"
 #include "daemon/cli/progress.hpp"
 #include "daemon/instrument.hpp"
+#include "fit/force_model.hpp"
 #include "proto/pixel_message.hpp"
 #include "proto/sigmf.hpp"
 
@@ -28,6 +34,12 @@ struct ReplayCommand {
   unsigned threads = 0;
   bool realtime = false, no_verify = false, json = false;
 };
+
+std::vector<std::string> model_names() {
+  std::vector<std::string> names;
+  for (const ModelInfo& model : force_models()) names.emplace_back(model.name);
+  return names;
+}
 
 PixelFields fields_of(const std::string& name) {
   return name == "fit" ? PixelFields::fit : name == "tones" ? PixelFields::tones : PixelFields::all;
@@ -100,50 +112,127 @@ class Summary {
   std::vector<double> amplitudes_;
 };
 
+// Where pixels go. They come on the pipeline's output thread, where nothing may throw: the first failure is
+// kept for the main thread, and no pixel after it is written.
+class ReplayOutputs {
+ public:
+  explicit ReplayOutputs(const ReplayCommand& options)
+      : options_(options), fields_(fields_of(options.fields)), maps_(options.maps) {}
+
+  // To be called before the stream starts, once all inputs are known to be good: an existing file is emptied.
+  void open(const Configuration& configuration) {
+    if (options_.output.empty()) return;
+    const SigmfPaths recording = sigmf_paths(configuration.digitizer.replay.recording);
+    refuse_input(options_.output, {recording.meta, recording.data, options_.config});
+    output_.emplace(options_.output);
+  }
+
+  PipelineOutputs pipeline_outputs() {
+    PipelineOutputs outputs;
+    outputs.pixel = [this](const RetiredPixel& pixel) { take(pixel); };
+    outputs.event = [this](const Event& event) { take(event); };
+    return outputs;
+  }
+
+  // Until the last pixel is out. False: earlier, as one could not be written.
+  bool wait() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return ended_ || failure_ != nullptr; });
+    return failure_ == nullptr;
+  }
+
+  void finish() {
+    progress_.clear();
+    if (failure_ != nullptr) std::rethrow_exception(failure_);
+    if (output_) output_->close();
+    if (!options_.maps.empty()) maps_.write();
+    if (options_.json)
+      fmt::print("{}\n", summary_.json().dump());
+    else if (options_.output != "-")
+      fmt::print("{}", summary_.text());
+  }
+
+ private:
+  void take(const RetiredPixel& pixel) {
+    if (failure_ != nullptr) return;
+    try {
+      write(pixel);
+    } catch (...) {
+      const std::scoped_lock lock(mutex_);
+      failure_ = std::current_exception();
+      changed_.notify_all();
+    }
+  }
+
+  void write(const RetiredPixel& pixel) {
+    summary_.add(pixel);
+    if (output_) write_line(pixel);
+    if (!options_.maps.empty()) maps_.add(map_pixel(pixel));
+    const PixelSpan& span = pixel.pixel.span;
+    if (progress_.due())
+      progress_.show(fmt::format("frame {} line {} column {}", span.frame, span.line, span.column));
+  }
+
+  void write_line(const RetiredPixel& pixel) {
+    const Description& description = pixel.analysis.description;
+    line_.clear();
+    append_pixel_line(line_,
+                      {pixel.pixel, *description.comb, *description.channels, pixel.tip_nm,
+                       pixel.analysis.model, pixel.fit, pixel.analysis.tip()},
+                      fields_);
+    output_->write(line_);
+  }
+
+  void take(const Event& event) {
+    if (event.kind == "stream_ended") {
+      const std::scoped_lock lock(mutex_);
+      ended_ = true;
+      changed_.notify_all();
+    }
+    if (event.kind == "stream_ended" || event.kind == "scan_ended") return;
+    progress_.clear();
+    const std::string text = fmt::format("combforce: {}: {} (sample {}, {} frames)\n", event.kind, event.text,
+                                         event.first_sample, event.count);
+    std::fputs(text.c_str(), stderr);
+  }
+
+  const ReplayCommand& options_;
+  const PixelFields fields_;
+  std::optional<LineOutput> output_;
+  MapWriter maps_;
+  Summary summary_;
+  Progress progress_;
+  std::string line_;
+  std::mutex mutex_;  // of what follows; only the output thread sets it
+  std::condition_variable changed_;
+  bool ended_ = false;
+  std::exception_ptr failure_;
+};
+
+// What does not fit together, said of the files that it comes from.
+Instrument open_instrument(const ReplayCommand& options, const Configuration& configuration,
+                           const PipelineOutputs& outputs) {
+  try {
+    return {configuration, outputs};
+  } catch (const std::invalid_argument& error) {
+    const std::string& recording = configuration.digitizer.replay.recording;
+    throw InputError(options.config.empty() ? recording : recording + " with " + options.config, "",
+                     error.what());
+  }
+}
+
 int run_replay(const ReplayCommand& options) {
   const Configuration configuration = configure(options);
-  const PixelFields fields = fields_of(options.fields);
-  std::optional<LineOutput> output;
-  if (!options.output.empty()) output.emplace(options.output);
-  std::optional<MapWriter> maps;
-  if (!options.maps.empty()) maps.emplace(options.maps);
-  Summary summary;
-  Progress progress;
-  std::string line;
-  PipelineOutputs outputs;
-  outputs.pixel = [&](const RetiredPixel& pixel) {
-    summary.add(pixel);
-    const Description& description = pixel.analysis.description;
-    if (output) {
-      line.clear();
-      append_pixel_line(line,
-                        {pixel.pixel, *description.comb, *description.channels, pixel.tip_nm,
-                         pixel.analysis.model, pixel.fit, pixel.analysis.tip()},
-                        fields);
-      output->write(line);
-    }
-    if (maps) maps->add(map_pixel(pixel));
-    if (progress.due())
-      progress.show(fmt::format("frame {} line {} column {}", pixel.pixel.span.frame, pixel.pixel.span.line,
-                                pixel.pixel.span.column));
-  };
-  outputs.event = [&](const Event& event) {
-    if (event.kind == "stream_ended" || event.kind == "scan_ended") return;
-    progress.clear();
-    fmt::print(stderr, "combforce: {}: {} (sample {}, {} frames)\n", event.kind, event.text,
-               event.first_sample, event.count);
-  };
-  Instrument instrument(configuration, outputs);
+  ReplayOutputs outputs(options);
+  Instrument instrument = open_instrument(options, configuration, outputs.pipeline_outputs());
+  outputs.open(configuration);
   instrument.start();
-  instrument.wait();
-  progress.clear();
-  if (output) output->close();
-  if (maps) maps->write();
+  if (outputs.wait())
+    instrument.wait();
+  else
+    instrument.stop();
+  outputs.finish();
   const StreamStatus stream = instrument.status().stream;
-  if (options.json)
-    fmt::print("{}\n", summary.json().dump());
-  else if (options.output != "-")
-    fmt::print("{}", summary.text());
   if (stream.state == StreamState::failed) throw InputError("", "", stream.reason);
   return exit_done;
 }
@@ -155,7 +244,8 @@ void add_replay(CLI::App& app, Command& command) {
   CLI::App* replay = app.add_subcommand("replay", "Extract and fit a SigMF recording");
   replay->add_option("recording", options->recording, "REC.sigmf-meta")->required();
   replay->add_option("--config", options->config, "what the recording lacks, or what overrides it");
-  replay->add_option("--model", options->model, "force model instead of the recorded one");
+  replay->add_option("--model", options->model, "force model instead of the recorded one")
+      ->check(CLI::IsMember(model_names()));
   replay->add_option("--refine", options->refine, "at most this many refinements (0: the paper's method)");
   replay->add_option("--output", options->output, "pixel lines, as a live subscriber gets them (-: stdout)");
   replay->add_option("--fields", options->fields, "what a pixel line carries")

@@ -11,6 +11,7 @@
 #include "daemon/cli/commands.hpp"
 #include "daemon/cli/exit_code.hpp"
 #include "daemon/cli/interrupt_flag.hpp"
+#include "daemon/cli/number_checks.hpp"
 #include "daemon/cli/progress.hpp"
 
 namespace combforce {
@@ -74,9 +75,9 @@ void add_scan(CLI::App& app, Command& command) {
   scan->require_subcommand(1);
   CLI::App* start = scan->add_subcommand("start", "Scan");
   start->add_option("--frames", options->frames, "Frames to scan; 0: until stopped")->capture_default_str();
-  start->add_option("--lines", options->lines, "Lines; absent: as configured")->check(CLI::PositiveNumber);
+  start->add_option("--lines", options->lines, "Lines; absent: as configured")->check(positive_number());
   start->add_option("--columns", options->columns, "Pixels a line; absent: as configured")
-      ->check(CLI::PositiveNumber);
+      ->check(positive_number());
   start->add_flag("--wait", options->wait, "Return when the frames are done");
   start->callback([options, &command] { command = [options] { return run_start(*options); }; });
   CLI::App* stop = scan->add_subcommand("stop", "End the scan");

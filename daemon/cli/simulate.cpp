@@ -31,6 +31,8 @@ double window_s(const SimulationSettings& simulation) {
 
 Configuration configure(const SimulateCommand& options) {
   Configuration configuration = load_configuration(options.config);
+  if (configuration.digitizer.kind == DigitizerSettings::Kind::none)
+    throw InputError(options.config, "/digitizer", "is missing, must be of kind \"simulated\"");
   if (configuration.digitizer.kind != DigitizerSettings::Kind::simulated)
     throw InputError(options.config, "/digitizer/kind",
                      "\"replay\" cannot be simulated; expected \"simulated\"");
@@ -44,7 +46,8 @@ Configuration configure(const SimulateCommand& options) {
   return configuration;
 }
 
-// Everything is asked for before the stream starts, so that the same configuration gives the same samples.
+// Everything is asked for before the stream starts, so that the same configuration gives the same samples;
+// the recording last, so that what is refused leaves no files.
 int run_simulate(const SimulateCommand& options) {
   const Configuration configuration = configure(options);
   const SimulationSettings& simulation = configuration.digitizer.simulation;
@@ -55,13 +58,13 @@ int run_simulate(const SimulateCommand& options) {
   };
   std::string no_reference;
   Instrument instrument(configuration, outputs);
-  instrument.start_recording(std::filesystem::path(sigmf_paths(options.output).meta).stem().string());
   instrument.capture_free(static_cast<std::uint32_t>(simulation.free_seconds / window_s(simulation)),
                           [&](const std::optional<FreeResponse>& free, const std::string& why) {
                             if (!why.empty())
                               no_reference = (free ? "incoherent: " : "no free response: ") + why;
                           });
   instrument.start_scan(simulation.layout, simulation.frames);
+  instrument.start_recording(std::filesystem::path(sigmf_paths(options.output).meta).stem().string());
   instrument.start();
   instrument.wait();
   const RecordingSummary summary = instrument.stop_recording();

@@ -20,6 +20,7 @@
 #include "daemon/cli/interrupt_flag.hpp"
 #include "daemon/cli/line_output.hpp"
 #include "daemon/cli/maps.hpp"
+#include "daemon/cli/number_checks.hpp"
 #include "daemon/cli/pixel_reader.hpp"
 #include "daemon/cli/progress.hpp"
 #include "daemon/cli/scene_report.hpp"
@@ -60,9 +61,14 @@ class Watch {
     progress_.clear();
   }
 
+  // Also of what came before follow() failed.
+  void write_maps() const {
+    if (!options_.maps.empty() && maps_.lines() > 0) maps_.write();
+  }
+
   void finish() {
     if (output_) output_->close();
-    if (!options_.maps.empty()) maps_.write();
+    write_maps();
     if (!options_.truth.empty()) report();
     if (skipped_ > 0) {
       throw std::runtime_error(fmt::format("{} pixels were skipped: this client was too slow", skipped_));
@@ -180,7 +186,12 @@ class Watch {
 
 int run_watch(const WatchOptions& options) {
   Watch watch(options);
-  watch.follow();
+  try {
+    watch.follow();
+  } catch (const std::exception&) {
+    watch.write_maps();
+    throw;
+  }
   watch.finish();
   return exit_done;
 }
@@ -199,11 +210,10 @@ void add_watch(CLI::App& app, Command& command) {
       ->check(CLI::IsMember({"fit", "all"}))
       ->capture_default_str();
   watch->add_option("--every", options->every, "Every n-th pixel")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->capture_default_str();
-  watch->add_option("--count", options->count, "End after so many lines")->check(CLI::PositiveNumber);
-  watch->add_option("--frames", options->frames, "End after so many whole frames")
-      ->check(CLI::PositiveNumber);
+  watch->add_option("--count", options->count, "End after so many lines")->check(positive_number());
+  watch->add_option("--frames", options->frames, "End after so many whole frames")->check(positive_number());
   watch->add_flag("--start-scan", options->start_scan, "Start a scan of --frames (or one) once subscribed");
   watch
       ->add_option("--output", options->output,

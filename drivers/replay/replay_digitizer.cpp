@@ -55,6 +55,11 @@ ReplayOptions checked(ReplayOptions options) {
   return options;
 }
 
+// Our recorder writes core:sha512 when it closes; others may never do.
+bool never_closed(const SigmfMeta& meta) {
+  return !meta.sha512 && meta.rest.is_object() && meta.rest.value("core:recorder", Json()) == "combforce";
+}
+
 }  // namespace
 
 class ReplayDigitizer::Impl {
@@ -67,6 +72,10 @@ class ReplayDigitizer::Impl {
         plan_(plan_replay(meta_, file_.frames())),
         warnings_(meta_.warnings) {
     warnings_.insert(warnings_.end(), plan_.warnings.begin(), plan_.warnings.end());
+    if (never_closed(meta_))
+      warnings_.emplace_back(
+          "the recording was not closed: it ends where its recorder was killed, or is still being written; "
+          "without core:sha512 its samples are not checked");
     if (file_.trailing_bytes() > 0) {
       warnings_.push_back(
           fmt::format("the last {} bytes of the data are no whole frame: left out", file_.trailing_bytes()));

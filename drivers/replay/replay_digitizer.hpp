@@ -42,7 +42,8 @@ class ReplayDigitizer final : public Digitizer {
   StreamStatus status() const override;
 
   const SigmfMeta& meta() const;
-  const std::vector<std::string>& warnings() const;  // of the metadata and of its disagreement with the data
+  const std::vector<std::string>& warnings()
+      const;  // of the metadata, its disagreement with the data, a recording never closed
 
  private:
   class Impl;

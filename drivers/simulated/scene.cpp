@@ -19,21 +19,21 @@ namespace {
 constexpr std::size_t most_pixels = std::size_t{1} << 22;
 
 void require(bool holds, const std::string& field, double value, const std::string& bound) {
-  if (!holds) throw std::invalid_argument(fmt::format("scene.{}: {}, must be {}", field, value, bound));
+  if (!holds) throw std::invalid_argument(fmt::format("{}: {}, must be {}", field, value, bound));
 }
 
 void check_materials(const SceneSettings& scene, const ModelInfo& model, std::size_t count) {
-  require(scene.materials.size() == count, "materials", static_cast<double>(scene.materials.size()),
+  require(scene.materials.size() == count, "scene.materials", static_cast<double>(scene.materials.size()),
           fmt::format("{} of them", count));
   for (std::size_t i = 0; i < count; ++i) {
     const std::vector<double>& parameters = scene.materials[i].parameters;
-    require(parameters.size() + 1 == model.parameters.size(), fmt::format("materials[{}]", i),
+    require(parameters.size() + 1 == model.parameters.size(), fmt::format("scene.materials[{}]", i),
             static_cast<double>(parameters.size()),
             fmt::format("{} parameters of model {}", model.parameters.size() - 1, model.name));
     for (std::size_t p = 0; p < parameters.size(); ++p) {
       const ParameterInfo& info = model.parameters[p + 1];
       require(parameters[p] >= info.lower && parameters[p] <= info.upper,
-              fmt::format("materials[{}].{}", i, info.name), parameters[p],
+              fmt::format("scene.materials[{}].{}", i, info.name), parameters[p],
               fmt::format("{}..{}", info.lower, info.upper));
     }
   }
@@ -108,12 +108,17 @@ void fill_flat(const SceneSettings& scene, SceneMaps& maps) {
   }
 }
 
-void fill_blend(const SceneSettings& scene, const ScanLayout& layout, SceneMaps& maps) {
-  require(scene.domain_nm > 0.0 && std::isfinite(scene.domain_nm), "domain_nm", scene.domain_nm, "> 0");
-  for (const double size : layout.size_nm) {
-    require(size > 0.0 && size < 1e3 * scene.domain_nm, "blend: scan.size_nm", size,
-            "> 0 and < 1000 domain_nm");
+void check_blend(const SceneSettings& scene, const ScanLayout& layout) {
+  require(scene.domain_nm > 0.0 && std::isfinite(scene.domain_nm), "scene.domain_nm", scene.domain_nm, "> 0");
+  constexpr double most_domains = 1000.0;
+  for (std::size_t i = 0; i < layout.size_nm.size(); ++i) {
+    const double size = layout.size_nm[i], bound = most_domains * scene.domain_nm;
+    require(size > 0.0 && size < bound, fmt::format("scan.size_nm[{}]", i), size,
+            fmt::format("> 0 and < {} ({} times scene.domain_nm)", bound, most_domains));
   }
+}
+
+void fill_blend(const SceneSettings& scene, const ScanLayout& layout, SceneMaps& maps) {
   Random random(scene.seed);
   const Domains domains(scene.domain_nm, random);
   const Grains grains(0.4 * scene.domain_nm, layout.size_nm[0], layout.size_nm[1], random);
@@ -151,10 +156,14 @@ std::vector<double> read_map(const std::string& path, const SceneMaps& maps, dou
   return values;
 }
 
-void fill_maps(const SceneSettings& scene, const ModelInfo& model, SceneMaps& maps) {
-  require(scene.parameter_maps.size() == maps.parameters.size(), "parameter_maps",
+void check_maps(const SceneSettings& scene, const ModelInfo& model) {
+  const std::size_t wanted = model.parameters.size() - 1;
+  require(scene.parameter_maps.size() == wanted, "scene.parameter_maps",
           static_cast<double>(scene.parameter_maps.size()),
-          fmt::format("{}, one a parameter of model {} but the first", maps.parameters.size(), model.name));
+          fmt::format("{}, one a parameter of model {} but the first", wanted, model.name));
+}
+
+void fill_maps(const SceneSettings& scene, const ModelInfo& model, SceneMaps& maps) {
   maps.height_nm = read_map(scene.height_map, maps, 1e9, -1e5, 1e5);
   for (std::size_t p = 0; p < maps.parameters.size(); ++p) {
     const ParameterInfo& info = model.parameters[p + 1];
@@ -164,12 +173,23 @@ void fill_maps(const SceneSettings& scene, const ModelInfo& model, SceneMaps& ma
 
 }  // namespace
 
-SceneMaps make_scene(const SceneSettings& scene, const ModelInfo& model, const ScanLayout& layout) {
+void check_scene(const SceneSettings& scene, const ModelInfo& model, const ScanLayout& layout) {
   require(layout.lines >= 1, "scan.lines", layout.lines, ">= 1");
   require(layout.columns >= 1, "scan.columns", layout.columns, ">= 1");
   const std::size_t pixels = std::size_t{layout.lines} * layout.columns;
-  require(pixels <= most_pixels, "scan.lines * scan.columns", static_cast<double>(pixels),
-          fmt::format("<= {}: the scene is computed for every pixel", most_pixels));
+  if (pixels > most_pixels)
+    throw std::invalid_argument(
+        fmt::format("scan: lines * columns = {}, must be <= {}: the scene is computed for every pixel",
+                    pixels, most_pixels));
+  constexpr std::array<std::size_t, 3> materials{1, 2, 0};  // of flat, blend, maps
+  check_materials(scene, model, materials.at(static_cast<std::size_t>(scene.kind)));
+  if (scene.kind == SceneSettings::Kind::blend) check_blend(scene, layout);
+  if (scene.kind == SceneSettings::Kind::maps) check_maps(scene, model);
+}
+
+SceneMaps make_scene(const SceneSettings& scene, const ModelInfo& model, const ScanLayout& layout) {
+  check_scene(scene, model, layout);
+  const std::size_t pixels = std::size_t{layout.lines} * layout.columns;
   SceneMaps maps;
   maps.lines = layout.lines;
   maps.columns = layout.columns;
@@ -177,15 +197,12 @@ SceneMaps make_scene(const SceneSettings& scene, const ModelInfo& model, const S
   maps.parameters.assign(model.parameters.size() - 1, std::vector<double>(pixels));
   switch (scene.kind) {
     case SceneSettings::Kind::flat:
-      check_materials(scene, model, 1);
       fill_flat(scene, maps);
       break;
     case SceneSettings::Kind::blend:
-      check_materials(scene, model, 2);
       fill_blend(scene, layout, maps);
       break;
     case SceneSettings::Kind::maps:
-      check_materials(scene, model, 0);
       fill_maps(scene, model, maps);
       break;
   }

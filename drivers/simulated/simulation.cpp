@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::uint64_t most_block_frames = 1u << 20;
 constexpr double most_motion_nm = 1e5;
+constexpr double most_windows = std::numeric_limits<std::uint32_t>::max();  // of a capture of free motion
 constexpr double most_detuning_ppm = 1e4;
 constexpr std::uint64_t most_samples = std::uint64_t{1} << 53;  // what messages can carry
 
@@ -91,7 +92,10 @@ void validate(const SimulationSettings& settings) {
   not_negative("detector_nm_per_sqrt_hz", settings.detector_nm_per_sqrt_hz);
   not_negative("volts_per_code", settings.volts_per_code);
   not_negative("z_nm_per_code", settings.z_nm_per_code);
-  not_negative("free_seconds", settings.free_seconds);
+  const double most_free_s =
+      most_windows * static_cast<double>(settings.comb.window_samples) / settings.sample_rate_hz;
+  require(settings.free_seconds >= 0.0 && settings.free_seconds <= most_free_s, "free_seconds",
+          settings.free_seconds, fmt::format(">= 0 and <= {}, 2^32 - 1 windows of the comb", most_free_s));
   require(settings.block_frames >= 1 && settings.block_frames <= most_block_frames, "block_frames",
           settings.block_frames, fmt::format("1..{}", most_block_frames));
   validate_faults(settings.faults);

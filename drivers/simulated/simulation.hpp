@@ -102,8 +102,7 @@ struct SimulationSettings {
   bool operator==(const SimulationSettings&) const = default;
 };
 
-// Throws std::invalid_argument naming field, value and bound. Scene and layout are checked when a scan
-// starts.
+// Throws std::invalid_argument naming field, value and bound. Scene and layout: check_scene().
 void validate(const SimulationSettings& settings);
 
 double tone_hz(const SimulationSettings& settings, const Tone& tone);

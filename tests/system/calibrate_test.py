@@ -102,9 +102,14 @@ class Densities(CalibrateTest):
         # The raw column is one periodogram: bins scatter as exponential variables do.
         self.assertLess(abs(calibration["origin"]["averages"] - 1), 0.1)
 
+    def test_help_names_the_scalings(self):
+        self.assertIn("--scaling TEXT:{stiffness,sensitivity}", self.thermal("--help").stdout)
+
     def test_bad_input(self):
         path = self.write_density()
+        tone = self.write("tone.txt", "".join(f"{50 * i} {1e-6 if i == 1000 else 1e-12}\n" for i in range(2000)))
         cases = [
+            ([tone, "--mode", "5e4:20"], 3, f"{tone}: the peak at 50000 Hz is"),
             ([self.directory / "none.txt", "--mode", "5e4"], 3, "none.txt: cannot be read"),
             ([self.write("bad.txt", "1 2\n2 x\n"), "--mode", "5e4"], 3, "bad.txt: line 2: column 2 is \"x\""),
             ([path], 3, "--mode: absent"),
@@ -115,7 +120,10 @@ class Densities(CalibrateTest):
             ([path, "--mode", "5e4", "--exclude", "1"], 3, "--exclude: \"1\", must be LOW:HIGH"),
             ([path, "--mode", "9e5"], 3, "the spectrum has nothing there"),
             ([path, "--mode", "5e4", "--output", "-"], 3, "--output: needs --sensitivity"),
-            ([path, "--mode", "5e4", "--sader", "--temperature", "300"], 3, "length_um: 0, must be positive"),
+            ([path, "--mode", "5e4", "--sader", "--temperature", "300"], 2, "--sader requires --"),
+            ([path, "--mode", "5e4", "--sensitivity", "-1"], 2, "--sensitivity: -1, must be a number above 0"),
+            ([path, "--mode", "5e4", "--stiffness", "1", "2", "--temperature", "300"], 3,
+             "--stiffness: 2 values, must be one, or 1"),
             ([path, "--mode", "5e4", "--sader", "--stiffness", "2"], 2, "excludes"),
             ([path, "--mode", "5e4", "--stiffness", "2", "--temperature", "-3"], 2, "--temperature"),
             ([path, "--mode", "5e4", "--averages", "0"], 2, "--averages"),
@@ -140,9 +148,29 @@ class Streams(CalibrateTest):
         self.expect_within(by_stiffness, dict(truth, sensitivity_nm_per_v=50))
         # 1e-4 nm/√Hz of detector noise.
         self.assertLess(abs(by_sensitivity["noise"]["detector_nm_per_sqrt_hz"] / 1e-4 - 1), 0.1)
-        done = self.thermal(meta, "--segment", "100000000")
+        # A stream that did not begin with the recording: the samples count, not where they end.
+        later = json.loads((self.directory / "thermal.sigmf-meta").read_text(encoding="utf-8"))
+        later.update(captures=[{"core:sample_start": 0, "core:global_index": 7_000_000}], annotations=[])
+        data = self.directory / "later.sigmf-data"
+        data.hardlink_to(self.directory / "thermal.sigmf-data")
+        done = self.thermal(self.write("later.sigmf-meta", later), "--segment", "100000000")
         self.assertEqual(3, done.returncode)
-        self.assertIn("no stretch of them as long as a segment", done.stderr)
+        frames = data.stat().st_size // 4  # two channels
+        self.assertIn(f": {frames} samples, no stretch of them as long as a segment", done.stderr)
+
+    def test_recording_with_the_drive_on(self):
+        """A tone is no oscillator: the message says which file, and what to do."""
+        configuration = thermal_instrument()
+        configuration["digitizer"]["simulation"].update(drive={"scheme": "amplitudes", "amplitudes_nm": [20]},
+                                                        volts_per_code=0)
+        configuration["comb"]["tones"] = [{"bin": 100}]  # 100 kHz
+        recording = self.directory / "driven"
+        done = run(COMBFORCE, "simulate", "--config", self.write("driven.json", configuration), "--output", recording)
+        self.assertEqual(0, done.returncode, done.stderr)
+        done = self.thermal(recording, "--sensitivity", "50")
+        self.assertEqual(3, done.returncode, done.stderr)
+        self.assertIn(f"{recording}.sigmf-meta: the peak at ", done.stderr)
+        self.assertIn("record with the drive off", done.stderr)
 
     def test_live(self):
         daemon = self.daemon(thermal_instrument())

@@ -29,6 +29,17 @@ class CommandLine(SystemTest):
             self.assertEqual(2, done.returncode, command)
             self.assertNotEqual("", done.stderr, command)
 
+    def test_usage_errors_name_what_is_wrong(self):
+        for arguments, said in [(["bogus"], "bogus: is no subcommand"), (["scan", "bogus"], "bogus: is no subcommand"),
+                                (["scan", "start", "--lines", "0"], "--lines: 0, must be a number above 0"),
+                                (["watch", "--count", "-1"], "--count: -1, must be a number above 0"),
+                                (["calibrate", "thermal", "--temperature", "inf"], "--temperature: inf, must be"),
+                                (["status", "--connect", "127.0.0.1:99999"], "port 99999, must be 1..65535")]:
+            done = run(COMBFORCE, *arguments)
+            self.assertEqual(2, done.returncode, (arguments, done.stderr))
+            self.assertIn(said, done.stderr)
+            self.assertLess(max(map(len, done.stderr.split())), 40, done.stderr)  # no bound of 309 digits
+
     def test_no_daemon_ends_with_1(self):
         socket = self.directory / "nobody.sock"
         done = run(COMBFORCE, "status", "--connect", f"unix:{socket}")
@@ -89,6 +100,45 @@ class Configurations(SystemTest):
         bad = small_instrument()
         bad["scan"]["pixel_samples"] = 9999
         self.refused(bad, "/scan", "pixel_samples", "9999", "10000")
+
+    def changed(self, **simulation):
+        """The small instrument with a simulation that its keys contradict."""
+        configuration = small_instrument()
+        configuration["digitizer"]["simulation"].update(simulation)
+        return configuration
+
+    def test_what_cannot_run(self):
+        section = "/digitizer/simulation"
+        blend = {"kind": "blend", "materials": [{"contact_strength_gpa_sqrt_nm": 1.0}] * 2, "domain_nm": 1}
+        strong = {"scheme": "equal_energy", "total_amplitude_nm": 1e300}
+        layout = {"lines": 4, "columns": 8, "pixel_samples": 10000, "size_nm": [1000, 1000]}
+        cases = [
+            (self.changed(scene=blend, scan=layout), f"{section}/scan/size_nm/0: 1000, must be > 0 and < 1000"),
+            (self.changed(free_seconds=1e30), f"{section}/free_seconds: 1e+30, must be >= 0 and <= 4294967.295"),
+            (self.changed(drive=strong), f"{section}/drive: "),
+            (small_instrument(1 << 20, 1 << 20), "/scan: lines * columns = 1099511627776, must be <= 4194304"),
+            (dict(small_instrument(), pipeline={"ring_blocks": 1 << 20}), "/pipeline/ring_blocks: 1048576, must be <="),
+        ]
+        for configuration, said in cases:
+            configuration["server"] = {"unix_socket": str(self.directory / "combforce.sock"), "port": 0}
+            self.refused(json.dumps(configuration), said)
+            started = run(COMBFORCED, "--config", self.directory / "daemon.json")
+            self.assertEqual(3, started.returncode, started.stderr)
+            self.assertIn(f"daemon.json: {said}", started.stderr)
+
+    def test_what_cannot_be_simulated_leaves_no_files(self):
+        maps = {"kind": "maps", "height_map": "none.gsf",
+                "parameter_maps": {"contact_strength_gpa_sqrt_nm": "none.gsf"}}
+        for configuration, said in [(self.changed(scene=maps), "none.gsf"), (self.changed(free_seconds=1e30), "1e+30"),
+                                    ({"comb": small_instrument()["comb"]}, "/digitizer: is missing")]:
+            path = self.write("simulation.json", configuration)
+            done = run(COMBFORCE, "simulate", "--config", path, "--output", self.directory / "s")
+            self.assertEqual(3, done.returncode, done.stderr)
+            self.assertIn(said, done.stderr)
+            self.assertEqual([path], list(self.directory.iterdir()))
+        _, done = self.check(json.dumps(self.changed(scene=maps)))
+        self.assertEqual(3, done.returncode, done.stderr)
+        self.assertIn("none.gsf: cannot be read", done.stderr)
 
     def test_malformed(self):
         self.refused('{"log_level": ', "line 1")

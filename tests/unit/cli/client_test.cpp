@@ -118,7 +118,8 @@ TEST_F(ClientTest, SaysWhenTheDaemonHangsUp) {
 }
 
 TEST(ClientAddress, MustBeOfAKnownForm) {
-  for (const char* bad : {"", "unix:", "localhost", ":8720", "localhost:"}) {
+  for (const char* bad : {"", "unix:", "localhost", ":8720", "localhost:", "localhost:0", "localhost:65536",
+                          "localhost:99999", "localhost:-1", "localhost:http"}) {
     EXPECT_THROW(Client{bad}, std::invalid_argument) << bad;
   }
 }

@@ -23,10 +23,10 @@ const std::string complete = R"({"digitizer": {"kind": "simulated", "simulation"
   "scene": {"kind": "blend", "materials": [{"contact_strength_gpa_sqrt_nm": 1}, {"contact_strength_gpa_sqrt_nm": 2}],
             "step_nm": -4, "grain_nm": 1, "domain_nm": 50, "seed": 7},
   "feedback": {"enabled": false, "set_point": 0.7, "gain": 0.25, "start_z_nm": 30},
-  "scan": {"lines": 3, "columns": 5, "pixel_samples": 1500, "settle_samples": 500},
+  "scan": {"lines": 3, "columns": 5, "pixel_samples": 1500, "settle_samples": 500, "size_nm": [100, 80]},
   "frames": 2, "temperature_k": 4, "detector_nm_per_sqrt_hz": 1e-3, "volts_per_code": 1e-4, "z_nm_per_code": 0,
   "free_seconds": 0.1, "seed": 9007199254740991, "accuracy": "accurate", "paced": false, "block_frames": 100,
-  "faults": [{"kind": "lost_block", "sample": 10, "frames": 5}, {"kind": "unknown_loss", "sample": 10, "frames": 6},
+  "faults": [{"kind": "lost_block", "sample": 10, "frames": 5}, {"kind": "unknown_loss", "sample": 20, "frames": 6},
              {"kind": "clipped", "sample": 30, "frames": 7}, {"kind": "stall", "sample": 40, "duration_s": 0.5},
              {"kind": "detuned", "sample": 50, "detuning_ppm": -1.5}]
 }}})";
@@ -63,7 +63,7 @@ TEST(SimulationCodec, ReadsEveryKey) {
   expected.scene.domain_nm = 50;
   expected.scene.seed = 7;
   expected.feedback = {false, 0.7, 0.25, 30};
-  expected.layout = {3, 5, 1500, 500, 1, false, {0, 0}};
+  expected.layout = {3, 5, 1500, 500, 1, false, {100, 80}};
   expected.frames = 2;
   expected.temperature_k = 4;
   expected.detector_nm_per_sqrt_hz = 1e-3;
@@ -75,7 +75,7 @@ TEST(SimulationCodec, ReadsEveryKey) {
   expected.paced = false;
   expected.block_frames = 100;
   expected.faults = {{FaultSettings::Kind::lost_block, 10, 5, 0},
-                     {FaultSettings::Kind::unknown_loss, 10, 6, 0},
+                     {FaultSettings::Kind::unknown_loss, 20, 6, 0},
                      {FaultSettings::Kind::clipped, 30, 7, 0},
                      {FaultSettings::Kind::stall, 40, 0, 0.5},
                      {FaultSettings::Kind::detuned, 50, 0, 0.0, -1.5}};
@@ -193,6 +193,11 @@ constexpr Refused refused_cases[] = {
     {"/temperature_k", "-1", "/temperature_k", ">= 0"},
     {"/volts_per_code", "-1", "/volts_per_code", ">= 0"},
     {"/free_seconds", "-1", "/free_seconds", ">= 0"},
+    {"/free_seconds", "1e30", "/free_seconds", "<= "},
+    {"/drive/amplitudes_nm", "[1e300]", "/drive", "must be <= 100000 nm"},
+    {"/scene/domain_nm", "1e-3", "/scan/size_nm/0", "must be > 0 and < 1 (1000 times scene.domain_nm)"},
+    {"/scan/lines", "1048576", "/scan", "must be <= 4194304"},
+    {"/faults/1/sample", "14", "/faults/1/sample", "must be >= 15, the end of the fault before"},
     {"/seed", "9007199254740992", "/seed", "must be in [0,"},
     {"/accuracy", "\"fast\"", "/accuracy", "must be one of"},
     {"/block_frames", "0", "/block_frames", "must be in [1,"},

@@ -209,6 +209,14 @@ TEST_F(ReplayTest, MatchingHashIsAccepted) {
   EXPECT_EQ(digitizer.status().state, StreamState::ended) << digitizer.status().reason;
 }
 
+TEST_F(ReplayTest, WithoutAHashOurOwnRecordingWasNotClosed) {
+  const std::string ours = R"(, "core:recorder": "combforce")", others = R"(, "core:recorder": "someone's")";
+  write(ramp(10), R"([{"core:sample_start": 0}])", "[]", "ri16_le", 1, ours);
+  EXPECT_THAT(open().warnings(), ElementsAre(HasSubstr("was not closed")));
+  write(ramp(10), R"([{"core:sample_start": 0}])", "[]", "ri16_le", 1, others);
+  EXPECT_THAT(open().warnings(), IsEmpty());
+}
+
 TEST_F(ReplayTest, WrongHashFailsTheStreamAfterItsLastBlock) {
   write("abd", R"([{"core:sample_start": 0}])", "[]", "ri8", 1,
         fmt::format(R"(, "core:sha512": "{}")", sha_abc));

@@ -143,19 +143,19 @@ void expect_refused(const SceneSettings& scene, const ScanLayout& scan, const st
 
 TEST(Scene, BadSettingsAreNamed) {
   SceneSettings scene = blend(1.0, 1.0);
-  expect_refused(scene, layout(4, 4, 0.0), "scan.size_nm: 0");
-  expect_refused(scene, layout(4, 4, 1e9), "scan.size_nm");
+  expect_refused(scene, layout(4, 4, 0.0), "scan.size_nm[0]: 0");
+  expect_refused(scene, layout(4, 4, 1e9), "scan.size_nm[0]: 1000000000, must be > 0 and < ");
   scene.domain_nm = 0.0;
-  expect_refused(scene, layout(4, 4), "domain_nm: 0");
+  expect_refused(scene, layout(4, 4), "scene.domain_nm: 0");
   scene = blend(1.0, 1.0);
   scene.materials.pop_back();
-  expect_refused(scene, layout(4, 4), "materials: 1, must be 2");
+  expect_refused(scene, layout(4, 4), "scene.materials: 1, must be 2");
   scene = blend(1.0, 1.0);
   scene.materials[1].parameters.pop_back();
-  expect_refused(scene, layout(4, 4), "materials[1]: 2, must be 3 parameters of model dmt");
+  expect_refused(scene, layout(4, 4), "scene.materials[1]: 2, must be 3 parameters of model dmt");
   scene = blend(1.0, 1.0);
   scene.materials[1].parameters[2] = -0.5;
-  expect_refused(scene, layout(4, 4), "materials[1].contact_distance_nm: -0.5");
+  expect_refused(scene, layout(4, 4), "scene.materials[1].contact_distance_nm: -0.5");
 }
 
 TEST(Scene, StepsAreFoundAlongTheScan) {

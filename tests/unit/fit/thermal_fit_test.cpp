@@ -52,6 +52,15 @@ TEST(ThermalFit, FindsWhatMadeTheSpectrum) {
   EXPECT_NEAR(fit.greatest_ratio, 1.0, 1e-6);
 }
 
+// A fit may start from the quality factor of another: it never passes the bound, not even by rounding.
+TEST(ThermalFit, MakesAToneAsNarrowAsItMay) {
+  AveragedSpectrum spectrum = exact_spectrum();
+  for (double& density : spectrum.density) density = floor_v2_per_hz;
+  spectrum.density[400] *= 1e6;  // at 20 kHz
+  const ThermalFit fit = fit_thermal(spectrum, around_first());
+  EXPECT_EQ(fit.modes.at(0).quality_factor, most_quality_factor);
+}
+
 // A block of the other mode's tail passes for floor: 1e-3 of the first mode's peak.
 TEST(ThermalFit, TakesModesOneByOneToo) {
   const ThermalFit fit = fit_thermal(exact_spectrum(), around_first());
