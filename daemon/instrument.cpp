@@ -13,6 +13,7 @@
 #include "daemon/record/truth_writer.hpp"
 #include "drivers/replay/replay_digitizer.hpp"
 #include "drivers/simulated/simulated_digitizer.hpp"
+#include "proto/sigmf.hpp"
 
 namespace combforce {
 namespace {
@@ -154,17 +155,19 @@ class Instrument::Impl {
       throw std::invalid_argument(
           fmt::format("name: \"{}\" must be a plain file name without '/' or leading '.'", plain));
     if (recorder_->running()) throw std::logic_error("a recording is running");
-    const std::string recording = (std::filesystem::path(record_.directory) / plain).string();
+    const std::filesystem::path directory = record_.directory;
+    const std::string truth_name =
+        std::filesystem::path(sigmf_paths(plain).meta).stem().string() + ".truth.ndjson";
     Json truth;
     if (simulated_ != nullptr) {
-      truth_.emplace(recording + ".truth.ndjson", *simulated_);
-      truth = Json{{"file", plain + ".truth.ndjson"}};
+      truth_.emplace(directory / truth_name, *simulated_);
+      truth = Json{{"file", truth_name}};
     }
     try {
       const std::scoped_lock lock(mutex_);
-      recorder_->start(recording, in_force_, truth);
+      recorder_->start(directory / plain, in_force_, truth);
     } catch (...) {  // what was refused leaves no file
-      if (truth_) std::filesystem::remove(recording + ".truth.ndjson");
+      if (truth_) std::filesystem::remove(directory / truth_name);
       truth_.reset();
       throw;
     }

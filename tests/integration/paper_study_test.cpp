@@ -180,7 +180,7 @@ TEST_F(PaperStudy, DataFilesNameTheirColumnsAndFiguresAreDrawn) {
     ++files;
   }
   EXPECT_EQ(files, 2U + 2U + 5U + 2U + 1U + 2U);
-  if (draw(directory) == Drawing::no_gnuplot) GTEST_SKIP() << "gnuplot is not installed";
+  if (draw(directory, scripts()) == Drawing::no_gnuplot) GTEST_SKIP() << "gnuplot is not installed";
   for (const Script& script : scripts()) {
     const auto figure = directory / script.name;
     const bool drawn = std::filesystem::exists(figure.string() + ".svg") ||

@@ -97,7 +97,7 @@ TEST(PaperGridFit, RecoversParametersOfItsOwnForces) {
 }
 
 TEST(PaperFigures, UnwritableDirectoryIsNamed) {
-  EXPECT_THAT([] { draw("/nonexistent/figures"); },
+  EXPECT_THAT([] { draw("/nonexistent/figures", scripts()); },
               testing::ThrowsMessage<std::runtime_error>(testing::HasSubstr("/nonexistent/figures")));
 }
 

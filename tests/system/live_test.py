@@ -27,7 +27,7 @@ class Live(SystemTest):
 
     def test_scan_record_replay(self):
         daemon, control, watcher = self.started()
-        meta = control.call("record.start", name="scan")["meta_path"]
+        meta = control.call("record.start", name="scan.sigmf-meta")["meta_path"]  # or "scan": one recording
         control.call("subscribe", topics=["frame"])
         control.call("scan.start", frames=1)
         live = pixel_lines(watcher, LINES * COLUMNS)
@@ -37,6 +37,8 @@ class Live(SystemTest):
 
         self.assertEqual(LINES * COLUMNS, counts["pixels"])
         self.assertEqual((True, 0), (summary["complete"], summary["lost_frames"]))
+        self.assertEqual(["scan.sigmf-data", "scan.sigmf-meta", "scan.truth.ndjson"],
+                         sorted(path.name for path in self.directory.rglob("scan.*")))
         self.assertFalse(daemon.socket_path.exists())
         statuses = [json.loads(line)["params"]["fit"]["status"] for line in live]
         self.assertGreater(statuses.count("converged"), LINES * COLUMNS / 2, statuses)

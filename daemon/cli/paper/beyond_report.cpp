@@ -2,6 +2,7 @@
 
 #include "daemon/cli/paper/beyond.hpp"
 #include "daemon/cli/paper/report.hpp"
+#include "proto/pixel_message.hpp"
 
 namespace combforce::paper {
 namespace {
