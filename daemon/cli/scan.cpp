@@ -39,7 +39,7 @@ int wait_for_frames(Client& client, std::uint32_t frames) {
     const Json& params = message.at("params");
     const std::string method = message.value("method", "");
     const std::string kind = params.value("kind", "");
-    if (method == "frame") ++done;
+    if (method == "frame" && params.value("whole", true)) ++done;
     if (method == "line")
       progress.show(fmt::format("frame {} line {}", params["frame"].dump(), params["line"].dump()));
     if (kind == "scan_ended" || kind == "stream_ended") {

@@ -130,11 +130,12 @@ class Watch {
     }
   }
 
-  // A frame that was already under way when this client came is not whole.
+  // Nor is a frame whole that was already under way when this client came.
   void take_frame(const Json& params) {
     const std::uint64_t pixels = params.value("counts", Json::object()).value("pixels", std::uint64_t{0});
     const bool counted = options_.wants("pixel") || options_.collects();
-    if (!counted || options_.every > 1 || pixels_of_frame_ >= pixels) ++frames_;
+    const bool seen = !counted || options_.every > 1 || pixels_of_frame_ >= pixels;
+    if (seen && params.value("whole", true)) ++frames_;
     pixels_of_frame_ = 0;
   }
 

@@ -75,7 +75,7 @@ void Extraction::finish(std::uint64_t stream_end) {
     flags_.set(PixelFlag::incomplete);
     emit_pixel();
   }
-  end_frame();
+  end_frame(false);
   if (free_windows_.wanted()) end_capture("the stream ended");
   OutputSlot& slot = next_slot(OutputSlot::Kind::end, cursor_);
   slot.count = started_ && stream_end > cursor_ ? stream_end - cursor_ : 0;
@@ -98,7 +98,7 @@ void Extraction::begin_epoch(const BlockHeader& header) {
     flags_.set(PixelFlag::incomplete);
     emit_pixel();
   }
-  if (line_) end_line();
+  if (line_) end_line(false);
   end_capture("the clock of the stream broke");
   OutputSlot& slot = next_slot(OutputSlot::Kind::epoch, header.first_sample);
   slot.epoch_reason = header.epoch_reason;
@@ -196,7 +196,7 @@ void Extraction::apply(const StreamMark& mark) {
       break;
     case StreamMark::Kind::scan_ended:
       cut_line();
-      end_frame();
+      end_frame(false);
       last_step_ = mark.sample;
       next_slot(OutputSlot::Kind::scan_ended, mark.sample);
       slots_.commit_complete();
@@ -208,7 +208,7 @@ void Extraction::begin_line(const LineMark& mark, PixelFlag if_late) {
   if (!marked_) return;
   cut_line();
   end_capture("a scan line began");
-  if (mark.frame != frame_) end_frame();
+  if (mark.frame != frame_) end_frame(false);
   frame_ = mark.frame;
   take_over(mark.first_sample);
   line_ = mark;
@@ -224,10 +224,10 @@ void Extraction::cut_line() {
     flags_.set(PixelFlag::incomplete);
     emit_pixel();
   }
-  if (line_) end_line();
+  if (line_) end_line(false);
 }
 
-void Extraction::end_line() {
+void Extraction::end_line(bool whole) {
   OutputSlot& slot = next_slot(OutputSlot::Kind::line_done, line_->first_sample);
   slot.line = *line_;
   slots_.commit_complete();
@@ -235,14 +235,15 @@ void Extraction::end_line() {
   const bool last =
       line_->line + 1 == layout.lines && (!layout.bidirectional || line_->direction == Direction::retrace);
   line_.reset();
-  if (last) end_frame();
+  if (last) end_frame(whole);
 }
 
-void Extraction::end_frame() {
+void Extraction::end_frame(bool whole) {
   if (frame_pixels_ == 0) return;
   frame_pixels_ = 0;
   OutputSlot& slot = next_slot(OutputSlot::Kind::frame_done, cursor_);
   slot.frame = frame_;
+  slot.whole_frame = whole;
   slots_.commit_complete();
 }
 
@@ -290,7 +291,7 @@ void Extraction::emit_pixel() {
   }
   ++pixel_index_;
   if (line_ && pixel_index_ == analysis.layout.columns)
-    end_line();
+    end_line(true);
   else
     begin_pixel();
 }

@@ -74,8 +74,8 @@ class Extraction {
   void apply(const StreamMark& mark);
   void begin_line(const LineMark& mark, PixelFlag if_late);
   void cut_line();  // the line in progress ends here: its pixel in progress is incomplete
-  void end_line();
-  void end_frame();
+  void end_line(bool whole);
+  void end_frame(bool whole);
   void begin_pixel();
   void place_pixel();
   void emit_pixel();

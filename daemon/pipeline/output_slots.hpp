@@ -40,6 +40,7 @@ struct OutputSlot {
   EpochReason epoch_reason = EpochReason::start;
   LineMark line;            // line_done
   std::uint32_t frame = 0;  // frame_done
+  bool whole_frame = false;
 
   Pixel pixel;
   std::vector<std::complex<double>> tip_nm;

@@ -184,7 +184,7 @@ void Pipeline::put_out(const OutputSlot& slot) {
       line_counts_ = {};
       break;
     case OutputSlot::Kind::frame_done:
-      if (outputs_.frame) outputs_.frame({slot.frame, frame_counts_});
+      if (outputs_.frame) outputs_.frame({slot.frame, frame_counts_, slot.whole_frame});
       frame_counts_ = {};
       break;
     case OutputSlot::Kind::change:

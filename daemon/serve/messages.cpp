@@ -44,7 +44,7 @@ Json encode(const LineDone& line) {
 }
 
 Json encode(const FrameDone& frame) {
-  return {{"frame", frame.frame}, {"counts", encode(frame.counts)}};
+  return {{"frame", frame.frame}, {"counts", encode(frame.counts)}, {"whole", frame.whole}};
 }
 
 Json encode(const Event& event) {

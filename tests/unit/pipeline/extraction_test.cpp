@@ -121,6 +121,7 @@ TEST(Extraction, MeasuresTheTonesOfEveryPixelOfMarkedLines) {
   }
   ASSERT_EQ(recorded.frame_ends.size(), 1U);
   EXPECT_EQ(recorded.frame_ends[0].counts.pixels, 60U);
+  EXPECT_TRUE(recorded.frame_ends[0].whole);
   EXPECT_EQ(recorded.line_ends.size(), 6U);
   EXPECT_EQ(recorded.order.back(), "stream_ended");
 }
@@ -288,7 +289,8 @@ TEST(Extraction, LinesTooShortOrCutAreFlagged) {
   ASSERT_EQ(recorded.pixels.size(), 10U + 6U + 10U);
   EXPECT_TRUE(recorded.pixels[15].flags.has(PixelFlag::incomplete));
   EXPECT_TRUE(recorded.pixels.back().flags.has(PixelFlag::incomplete));
-  EXPECT_EQ(recorded.frame_ends.size(), 2U);
+  ASSERT_EQ(recorded.frame_ends.size(), 2U);
+  for (const FrameDone& frame : recorded.frame_ends) EXPECT_FALSE(frame.whole);
 }
 
 TEST(Extraction, AScheduledChangeTakesEffectAtThePixelBoundary) {
