@@ -10,8 +10,6 @@
 namespace combforce::paper {
 namespace {
 
-constexpr std::uint32_t most_refinements = 30;
-
 Unbiased unbiased(const Case& of) {
   const CaseMotion motion = simulate(of);
   FitConditions conditions = fit_conditions(motion);

@@ -20,7 +20,6 @@ namespace {
 
 using Phasors = std::vector<std::complex<double>>;
 
-constexpr unsigned most_refinements = 30;
 constexpr std::size_t chain_pixels = 50;  // drawn one after the other before the next draw from rest
 
 // Of the normal distribution.

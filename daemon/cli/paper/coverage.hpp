@@ -14,6 +14,8 @@
 
 namespace combforce::paper {
 
+inline constexpr std::uint32_t most_refinements = 30;
+
 struct CoverageCase {
   std::string_view key;                  // in JSON and in names of files
   std::string_view label;                // for people

@@ -97,16 +97,17 @@ TEST_F(ServerTest, TellsOfLinesFramesEventsAndItsStatus) {
   line.counts.by_status[0] = 31;
   line.counts.by_status[4] = 1;
   server->publish_line(line);
-  server->publish_frame({1, line.counts});
+  server->publish_frame({1, line.counts, true});
   server->publish_event({"gap", 500, 600, "the source lost frames"});
   const std::string counts =
       R"("counts":{"pixels":32,"status":{"converged":31,"not_converged":0,"at_bound":0,"ill_conditioned":0,)"
-      R"("no_contact":1,"no_free_response":0,"not_fitted":0,"flagged":0,"misfit":0,"ambiguous":0},"settling_residual":0.0}}})";
+      R"("no_contact":1,"no_free_response":0,"not_fitted":0,"flagged":0,"misfit":0,"ambiguous":0},"settling_residual":0.0})";
   EXPECT_EQ(client.line(),
             R"({"jsonrpc":"2.0","method":"line","params":{"frame":1,"line":2,"direction":"retrace",)"
             R"("first_sample":300,"line_samples":400,)" +
-                counts);
-  EXPECT_EQ(client.line(), R"({"jsonrpc":"2.0","method":"frame","params":{"frame":1,)" + counts);
+                counts + "}}");
+  EXPECT_EQ(client.line(),
+            R"({"jsonrpc":"2.0","method":"frame","params":{"frame":1,)" + counts + R"(,"whole":true}})");
   EXPECT_EQ(client.line(),
             R"({"jsonrpc":"2.0","method":"event","params":{"kind":"gap","first_sample":500,"count":600,)"
             R"("text":"the source lost frames"}})");
