@@ -11,7 +11,6 @@
 #include <stdexcept>
 
 #include "daemon/cli/paper/fourier.hpp"
-#include "daemon/cli/paper/report.hpp"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX leaves it to the user
 
@@ -139,6 +138,12 @@ void write_spectra(const std::filesystem::path& directory, const CaseMotion& mot
   file.close();
 }
 
+// EE, EA: equal energy, equal amplitude.
+std::string short_name(const Case& of) {
+  return fmt::format("{} {} {}", of.model == "dmt" ? "DMT" : "Hertz", of.bins.size(),
+                     of.scheme == DriveScheme::equal_energy ? "EE" : "EA");
+}
+
 // True: the script ran to its end. False: there is no gnuplot.
 bool run_gnuplot(const std::filesystem::path& directory, const std::string& script) {
   posix_spawn_file_actions_t actions;
@@ -183,7 +188,7 @@ void write_data(const std::filesystem::path& directory, const Beyond& beyond) {
   for (const Unbiased& row : beyond.cases)
     for (std::size_t k = 0; k < row.of->truth.size(); ++k) {
       const double truth = row.of->truth[k], scale = k == 0 ? 1.0 : std::abs(truth);
-      file.write(fmt::format("\"{}: p{}\" {:.4g} {:.4g} {:.4g}\n", name(*row.of), k,
+      file.write(fmt::format("\"{}, p_{}\" {:.4g} {:.4g} {:.4g}\n", short_name(*row.of), k,
                              std::abs(row.partial.parameters[k] - truth) / scale,
                              std::abs(row.refined.parameters[k] - truth) / scale, row.bound[k] / scale));
     }
