@@ -318,7 +318,7 @@ void add_source_options(CLI::App& thermal, ThermalCommand& options) {
   thermal
       .add_option("--segment", options.stream.segment_samples,
                   "samples a Hann segment; default: 30 ring-downs")
-      ->check(CLI::Range(std::size_t{256}, std::size_t{1} << 28));
+      ->check(CLI::Range(std::size_t{256}, std::size_t{1} << 24));
   thermal.add_flag("--no-verify", options.no_verify, "do not check core:sha512");
   thermal.add_option("--column", options.file.column, "of a file: where the density stands")
       ->capture_default_str()

@@ -153,9 +153,9 @@ class Streams(CalibrateTest):
         later.update(captures=[{"core:sample_start": 0, "core:global_index": 7_000_000}], annotations=[])
         data = self.directory / "later.sigmf-data"
         data.hardlink_to(self.directory / "thermal.sigmf-data")
-        done = self.thermal(self.write("later.sigmf-meta", later), "--segment", "100000000")
-        self.assertEqual(3, done.returncode)
         frames = data.stat().st_size // 4  # two channels
+        done = self.thermal(self.write("later.sigmf-meta", later), "--segment", frames + 2)  # even
+        self.assertEqual(3, done.returncode, done.stderr)
         self.assertIn(f": {frames} samples, no stretch of them as long as a segment", done.stderr)
 
     def test_recording_with_the_drive_on(self):
