@@ -57,11 +57,11 @@ class Digitizer {
   virtual StreamStatus status() const = 0;
 
   // Controls, present where info() says so; elsewhere they throw std::logic_error.
-  // Scans `frames` frames (0: until stopped); lines are marked in the stream. A change takes effect at the
-  // next pixel boundary, or at the next block when not scanning.
   // Does of start_scan() what may fail or take time: one that follows with this layout throws no more, unless
   // a scan runs. No scan begins, and nothing that can be seen changes.
   virtual void prepare_scan(const ScanLayout& layout);
+  // Scans `frames` frames (0: until stopped); lines are marked in the stream. A change takes effect at the
+  // next pixel boundary, or at the next block when not scanning.
   virtual void start_scan(const ScanLayout& layout, std::uint32_t frames);
   virtual void stop_scan();
   virtual void set_drive(const Drive& drive);

@@ -32,14 +32,14 @@ struct ParameterBounds {
 
 struct FitSettings {
   std::string model = "dmt";
-  unsigned refine =
-      0;  // 0: the paper's partial motion; else at most so many iterations beyond, from each start
+  // 0: the paper's partial motion; else at most so many iterations beyond, from each start.
+  unsigned refine = 0;
   // none: E as the paper has it (equation 9). A refined fit always whitens by the noise's covariance
   // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;
   std::vector<ParameterBounds> bounds;  // override the model's own
-  std::optional<TipGeometry> tip =
-      std::nullopt;  // from which material parameters follow; does not change the fit
+  // From which material parameters follow; does not change the fit.
+  std::optional<TipGeometry> tip = std::nullopt;
 
   bool operator==(const FitSettings&) const = default;
 };

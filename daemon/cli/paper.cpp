@@ -75,12 +75,13 @@ void add_paper(CLI::App& app, Command& command) {
   paper->add_option("--output", options->output,
                     "directory for paper.md or beyond.md, data files and figures");
   paper->add_option("--json", options->json, "file for the tables as JSON");
-  paper->add_option("--draws", options->draws, "draws of the noise a case (the paper: 100)")
-      ->check(CLI::Range(std::size_t{2}, paper::all_draws))
-      ->capture_default_str();
+  CLI::Option* draws =
+      paper->add_option("--draws", options->draws, "draws of the noise a case (the paper: 100)");
+  draws->check(CLI::Range(std::size_t{2}, paper::all_draws))->capture_default_str();
   CLI::Option* beyond =
       paper->add_flag("--beyond", options->beyond,
                       "instead: the same cases with the bias removed, and whether error bars hold");
+  draws->excludes(beyond);
   paper->add_option("--pixels", options->pixels, "pixels drawn a case of the error bars, some cases fewer")
       ->check(CLI::Range(std::size_t{2}, most_pixels))
       ->capture_default_str()

@@ -130,7 +130,7 @@ class Watch {
     }
   }
 
-  // Nor is a frame whole that was already under way when this client came.
+  // A frame that was cut is not whole, nor is one that was already under way when this client came.
   void take_frame(const Json& params) {
     const std::uint64_t pixels = params.value("counts", Json::object()).value("pixels", std::uint64_t{0});
     const bool counted = options_.wants("pixel") || options_.collects();

@@ -57,8 +57,8 @@ struct LineDone {
 struct FrameDone {
   std::uint32_t frame = 0;
   PixelCounts counts;
-  bool whole =
-      false;  // to the end of its last line; else the scan or the stream ended, or another frame began
+  // To the end of its last line; else the scan or the stream ended, or another frame began.
+  bool whole = false;
 };
 
 // Something a person should hear of. `kind`: gap, epoch, incoherent (the free response drifted), record_gap,

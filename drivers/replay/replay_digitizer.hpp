@@ -42,8 +42,8 @@ class ReplayDigitizer final : public Digitizer {
   StreamStatus status() const override;
 
   const SigmfMeta& meta() const;
-  const std::vector<std::string>& warnings()
-      const;  // of the metadata, its disagreement with the data, a recording never closed
+  // Of the metadata, its disagreement with the data, a recording never closed.
+  const std::vector<std::string>& warnings() const;
 
  private:
   class Impl;

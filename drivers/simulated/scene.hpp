@@ -31,8 +31,8 @@ struct SceneMaps {
 // Throws std::invalid_argument naming field, value and bound (a blend needs 0 < layout.size_nm < 1000
 // domain_nm), InputError for a map that cannot be read or holds a value that is not finite or, for a
 // parameter, outside the model's default bounds.
-void check_scene(const SceneSettings& scene, const ModelInfo& model,
-                 const ScanLayout& layout);  // as far as settings tell
+// check_scene(): as far as the settings tell, without reading maps.
+void check_scene(const SceneSettings& scene, const ModelInfo& model, const ScanLayout& layout);
 SceneMaps make_scene(const SceneSettings& scene, const ModelInfo& model, const ScanLayout& layout);
 
 // Which pixels differ from the pixel scanned before them in the same direction, by any material parameter or

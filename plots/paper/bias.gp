@@ -1,5 +1,6 @@
 # How far each parameter of the paper's cases lies from the truth: by the paper's method, refined, and what thermal noise
-# allows at least. Hertz 2 EE: two tones of equal energy; EA: of equal amplitude. p0 as a share of 1 nm, the others of their value.
+# allows at least. Hertz 2 EE: two tones of equal energy; EA: of equal amplitude. p0 as a share of
+# 1 nm, the others of their value.
 set terminal svg size 900,400 font "sans,14" background rgb "white"
 set output "bias.svg"
 set style data histograms

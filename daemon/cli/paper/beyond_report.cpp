@@ -10,10 +10,8 @@ namespace {
 std::string bias_table(const Beyond& beyond) {
   std::string text =
       "## The bias removed\n\nTones without noise. Paper: as printed. Partial: the paper's method, its "
-      "average over "
-      "the window converged. Refined: the motion off the comb found too. Bound: the least standard error "
-      "that "
-      "thermal noise allows in one window of 2 ms at 300 K.\n\n"
+      "average over the window converged. Refined: the motion off the comb found too. Bound: the least "
+      "standard error that thermal noise allows in one window of 2 ms at 300 K.\n\n"
       "| case | parameter | true | paper | partial | refined | bound | status |\n"
       "|---|---|---:|---:|---:|---:|---:|---|\n";
   for (const Unbiased& row : beyond.cases)
@@ -37,10 +35,8 @@ std::string statuses_text(const Coverage& coverage) {
 std::string coverage_table(const Beyond& beyond) {
   std::string text =
       "## Whether the error bars hold\n\nPixels under thermal forces in the time domain, refined. Scatter: "
-      "standard "
-      "deviation of the fitted values; claimed: their median standard error; 68 %, 95 %: how often the "
-      "interval of "
-      "that level holds the truth.\n\n"
+      "standard deviation of the fitted values; claimed: their median standard error; 68 %, 95 %: how often "
+      "the interval of that level holds the truth.\n\n"
       "| case | pixels | parameter | true | mean | scatter | claimed | bound | 68 % | 95 % |\n"
       "|---|---|---|---:|---:|---:|---:|---:|---:|---:|\n";
   for (const Coverage& coverage : beyond.coverage)

@@ -14,7 +14,7 @@
 
 namespace combforce::paper {
 
-inline constexpr std::uint32_t most_refinements = 30;
+inline constexpr std::uint32_t most_refinements = 30;  // of all refined fits of the studies
 
 struct CoverageCase {
   std::string_view key;                  // in JSON and in names of files
