@@ -10,6 +10,7 @@
 #include <complex>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "fit/bounded.hpp"
@@ -59,7 +60,7 @@ class HarmonicBalance {
   const Eigen::MatrixXd& whitening() const { return whitening_; }
   template <typename Matrix>
   void whiten(Matrix&& values) const {
-    whitening_.template triangularView<Eigen::Lower>().solveInPlace(values);
+    whitening_.template triangularView<Eigen::Lower>().solveInPlace(std::forward<Matrix>(values));
   }
 
   void set_bounds(std::span<const Bounds> bounds) {

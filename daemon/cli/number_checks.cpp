@@ -14,7 +14,7 @@ CLI::Validator number_check(bool zero_too, const std::string& bound, const std::
                       (value > 0.0 || (zero_too && value == 0.0));
     return good ? std::string() : text + ", must be " + bound;
   };
-  return CLI::Validator(check, name);
+  return {check, name};
 }
 
 }  // namespace

@@ -118,7 +118,7 @@ void Oscillator::evaluate(const CellTable& cell, Tip& tip, Tip& force) const {
       later[j] += cell.tip_re[n][j] * re_[n] + cell.tip_im[n][j] * im_[n];
     }
   }
-  std::copy(later.begin(), later.end(), tip.begin() + 1);
+  std::ranges::copy(later, tip.begin() + 1);
   force_at_later_nodes<Model>(tip, cell.seconds, force);
   double change = 0.0;
   for (std::size_t j = 1; j < cell_nodes; ++j) change = std::max(change, std::abs(force[j] - force[0]));

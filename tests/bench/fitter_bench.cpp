@@ -37,7 +37,7 @@ double fastest_seconds(int times, const Action& action) {
 class PaperResidual {
  public:
   PaperResidual() : d_(samples), phasors_(samples / 2 + 1) {
-    fftw_complex* const spectrum = reinterpret_cast<fftw_complex*>(phasors_.data());
+    auto* const spectrum = reinterpret_cast<fftw_complex*>(phasors_.data());
     plan_.reset(fftw_plan_dft_r2c_1d(samples, force_.get(), spectrum, FFTW_ESTIMATE));
     const std::vector<std::pair<int, double>> tones{{234, 36.0}, {1348, 8.1}, {3516, 3.8}, {6470, 2.0}};
     for (std::size_t n = 0; n < samples; ++n)

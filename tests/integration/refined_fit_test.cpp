@@ -63,9 +63,16 @@ TEST(RefinedFit, ConvergesWhereSubstitutionDiverges) {
   }
 }
 
-// Tones exact to 0.005 pm allow a median of 0.01 %, and nothing over `most` that does not say so.
+// What the tones allow: a median error, and one that no pixel exceeds without a status that says so.
+struct Aim {
+  double median, most;
+};
+constexpr Aim tuned{1e-4, 0.01}, intermodulated{1e-4, 1e-3};  // by tones exact to 0.005 pm
+constexpr Aim tuned_recorded{3e-3, 0.03},
+    intermodulated_recorded{1e-3, 5e-3};  // by those of int16 recordings
+
 void expect_truth_or_a_status(const SimulatedPixels& pixels, std::size_t count, std::uint64_t seed,
-                              double most) {
+                              const Aim& aim) {
   PixelFitter fitter(pixels.conditions("dmt", refine));
   std::mt19937_64 random(seed);
   std::vector<double> errors;
@@ -77,33 +84,48 @@ void expect_truth_or_a_status(const SimulatedPixels& pixels, std::size_t count, 
     fitter.fit(*tones, result);
     errors.push_back(greatest_error(result, truth));
     const bool says_so = result.status != FitStatus::converged;
-    EXPECT_TRUE(errors.back() < most || says_so)
+    EXPECT_TRUE(errors.back() < aim.most || says_so)
         << ::testing::PrintToString(truth) << ": " << ::testing::PrintToString(result.parameters);
   }
   std::ranges::sort(errors);
-  EXPECT_LT(errors[count / 2], 1e-4);
-  EXPECT_LT(errors[count * 9 / 10], 1e-3) << "nine in ten, whatever they say";
+  EXPECT_LT(errors[count / 2], aim.median);
+  EXPECT_LT(errors[count * 9 / 10], 10.0 * aim.median) << "nine in ten, whatever they say";
 }
+
+const std::vector<std::uint64_t> four_tones{234, 1348, 3516, 6470};
 
 #ifdef COMBFORCE_SLOW
 TEST(RandomDmtPixels, ComeBackFromTheirTones) {
-  expect_truth_or_a_status(SimulatedPixels::paper({234, 1348, 3516, 6470}), 200, 20261125, 0.01);
+  expect_truth_or_a_status(SimulatedPixels::paper(four_tones), 200, 20261125, tuned);
+}
+
+TEST(RandomDmtPixels, ComeBackFromRecordings) {
+  expect_truth_or_a_status(SimulatedPixels::paper(four_tones).recorded(), 200, 20261127, tuned_recorded);
 }
 
 TEST(RandomDmtPixels, ComeBackFromIntermodulation) {
-  expect_truth_or_a_status(SimulatedPixels::intermodulation(), 200, 20261126, 1e-3);
+  expect_truth_or_a_status(SimulatedPixels::intermodulation(), 200, 20261126, intermodulated);
+}
+
+TEST(RandomDmtPixels, ComeBackFromRecordedIntermodulation) {
+  expect_truth_or_a_status(SimulatedPixels::intermodulation().recorded(), 200, 20261128,
+                           intermodulated_recorded);
 }
 #else
 TEST(RandomDmtPixels, AFewComeBackFromTheirTones) {
-  expect_truth_or_a_status(SimulatedPixels::paper({234, 1348, 3516, 6470}), 10, 41, 0.01);
+  expect_truth_or_a_status(SimulatedPixels::paper(four_tones), 10, 41, tuned);
 }
 
 TEST(RandomDmtPixels, AFewComeBackFromIntermodulation) {
-  expect_truth_or_a_status(SimulatedPixels::intermodulation(), 10, 42, 1e-3);
+  expect_truth_or_a_status(SimulatedPixels::intermodulation(), 10, 42, intermodulated);
+}
+
+TEST(RandomDmtPixels, AFewComeBackFromRecordings) {
+  expect_truth_or_a_status(SimulatedPixels::paper(four_tones).recorded(), 10, 43, tuned_recorded);
 }
 
 TEST(RefinedFit, SaysWhenTheModelDoesNotExplainThePixel) {
-  const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
+  const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
   const auto tones = pixels.tones("dmt", {-40.0, 1.0, 1.5, 0.5});
   ASSERT_TRUE(tones);
   PixelFitter fitter(pixels.conditions("hertz", refine));  // 1.5 nN of adhesion are far above the noise
@@ -125,7 +147,7 @@ TEST(RefinedFit, SaysWhenTheIterationsDoNotSuffice) {
 
 TEST(RefinedFit, IsAPureFunctionAndDoesNotAllocate) {
   COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
-  const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
+  const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
   const auto tones = pixels.tones("dmt", {-40.0, 1.0, 5.0, 0.5}),
              others = pixels.tones("dmt", {-38.0, 2.0, 3.0, 0.4});
   ASSERT_TRUE(tones && others);
@@ -151,7 +173,7 @@ TEST(RefinedFit, IsAPureFunctionAndDoesNotAllocate) {
 
 // Only relative weights matter for the parameters; what needs the noise is unknown.
 TEST(RefinedFit, WorksWithoutANoiseModel) {
-  const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
+  const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
   const std::vector<double> truth{-40.0, 1.0, 5.0, 0.5};
   const auto tones = pixels.tones("dmt", truth);
   ASSERT_TRUE(tones);

@@ -3,14 +3,19 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <complex>
 #include <cstdint>
+#include <limits>
+#include <numbers>
 #include <optional>
 #include <random>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "drivers/simulated/steady_state.hpp"
+#include "dsp/comb_extractor.hpp"
 #include "fit/drive.hpp"
 #include "fit/pixel_fitter.hpp"
 
@@ -26,6 +31,9 @@ struct SimulatedPixels {
   Cantilever cantilever;
   std::vector<std::uint64_t> drive_bins, bins;
   DriveScheme scheme = DriveScheme::equal_energy;
+  // Of a 16-bit converter through which the motion goes before its tones are extracted; none: tones are
+  // exact.
+  std::optional<double> nm_per_code = std::nullopt;
 
   // The paper's cantilever (table 1), driven and measured on these bins; free amplitudes sum to 50 nm.
   static SimulatedPixels paper(const std::vector<std::uint64_t>& bins,
@@ -47,6 +55,14 @@ struct SimulatedPixels {
             DriveScheme::equal_amplitude};
   }
 
+  // The same as an int16 recording keeps them: full scale is twice the free amplitudes' sum of 50 nm, as the
+  // simulated digitizer has it.
+  SimulatedPixels recorded() const {
+    SimulatedPixels recorded = *this;
+    recorded.nm_per_code = 100.0 / 32768.0;
+    return recorded;
+  }
+
   std::vector<std::complex<double>> drive_forces_nn() const {
     std::vector<double> frequencies_hz;
     for (const std::uint64_t bin : drive_bins) frequencies_hz.push_back(frequency_hz(bin));
@@ -62,20 +78,10 @@ struct SimulatedPixels {
   FitConditions conditions(const std::string& model, unsigned refine) const {
     FitConditions conditions;
     conditions.sample_rate_hz = sample_rate_hz;
-    conditions.comb.window_samples = window_samples;
+    conditions.comb = comb();
     conditions.cantilever = cantilever;
-    FreeResponse free;
-    const auto forces = drive_forces_nn();
-    for (const std::uint64_t bin : bins) {
-      const auto driven = std::ranges::find(drive_bins, bin);
-      conditions.comb.tones.push_back({bin, driven != drive_bins.end()});
-      free.mean_nm.push_back(driven == drive_bins.end()
-                                 ? 0.0
-                                 : tip_response(cantilever, frequency_hz(bin)) *
-                                       forces[static_cast<std::size_t>(driven - drive_bins.begin())]);
-    }
-    conditions.free_response = free;
-    conditions.noise = Noise{300.0, {0.0}};
+    conditions.free_response = FreeResponse{0, 0, free_tones(), {}};
+    conditions.noise = Noise{300.0, {rounding_nm_per_sqrt_hz()}};
     conditions.settings.model = model;
     conditions.settings.refine = refine;
     return conditions;
@@ -96,14 +102,62 @@ struct SimulatedPixels {
     settings.bins = bins;
     for (const std::uint32_t windows : {14U, 40U}) {
       settings.settle_windows = windows;
+      settings.keep_motion = false;
       const Phasors before = simulate_steady_state(settings).tip_nm;
       settings.settle_windows = windows + 1;
-      Phasors after = simulate_steady_state(settings).tip_nm;
+      settings.keep_motion = nm_per_code.has_value();
+      const SteadyState after = simulate_steady_state(settings);
       double moved = 0.0;
-      for (std::size_t i = 0; i < after.size(); ++i) moved = std::max(moved, std::abs(after[i] - before[i]));
-      if (moved < 5e-6) return after;
+      for (std::size_t i = 0; i < before.size(); ++i)
+        moved = std::max(moved, std::abs(after.tip_nm[i] - before[i]));
+      if (moved < 5e-6)
+        return nm_per_code ? through_codes(after.tip_motion_nm, after.first_sample) : after.tip_nm;
     }
     return std::nullopt;
+  }
+
+ private:
+  Comb comb() const {
+    Comb comb;
+    comb.window_samples = window_samples;
+    for (const std::uint64_t bin : bins)
+      comb.tones.push_back({bin, std::ranges::find(drive_bins, bin) != drive_bins.end()});
+    return comb;
+  }
+
+  Phasors free_tones() const {
+    const Phasors forces = drive_forces_nn();
+    Phasors free(bins.size());
+    std::vector<double> motion(nm_per_code ? window_samples : 0);
+    for (std::size_t i = 0; i < drive_bins.size(); ++i) {
+      const std::complex<double> tone = tip_response(cantilever, frequency_hz(drive_bins[i])) * forces[i];
+      free[static_cast<std::size_t>(std::ranges::find(bins, drive_bins[i]) - bins.begin())] = tone;
+      for (std::size_t n = 0; n < motion.size(); ++n)
+        motion[n] += (tone * std::polar(1.0, 2.0 * std::numbers::pi / static_cast<double>(window_samples) *
+                                                 static_cast<double>(drive_bins[i] * n % window_samples)))
+                         .real();
+    }
+    return nm_per_code ? through_codes(motion, 0) : free;
+  }
+
+  Phasors through_codes(std::span<const double> motion_nm, std::uint64_t first_sample) const {
+    std::vector<std::int16_t> codes;
+    for (const double deflection : motion_nm)
+      codes.push_back(static_cast<std::int16_t>(std::lround(deflection / *nm_per_code)));
+    constexpr double never = std::numeric_limits<double>::infinity();
+    CombExtractor extractor(comb(), 1, SampleFormat::i16, -never, never);
+    extractor.begin(first_sample, 1);
+    extractor.add(codes.data(), codes.size());
+    Phasors tones(bins.size());
+    double mean = 0.0;
+    extractor.finish(tones, {&mean, 1});
+    for (std::complex<double>& tone : tones) tone *= *nm_per_code;
+    return tones;
+  }
+
+  // Rounding to codes as white noise, of a twelfth of a code squared, in the pixel and in the free motion.
+  double rounding_nm_per_sqrt_hz() const {
+    return nm_per_code ? *nm_per_code * std::sqrt(2.0 / 12.0 / (sample_rate_hz / 2.0)) : 0.0;
   }
 };
 

@@ -67,7 +67,8 @@ ErrorMap map_error(const CaseMotion& motion, const FitResult& minimum) {
     };
   });
   summarize(map.ours);
-  map.papers = {grid(-50.0, 0.5, 41), grid(0.1, 0.1, 30), std::vector<std::uint8_t>(41 * 30), 0.0, 0.0, 0.0};
+  map.papers = {
+      grid(-50.0, 0.5, 41), grid(0.1, 0.1, 30), std::vector<std::uint8_t>(41UL * 30), 0.0, 0.0, 0.0};
   const GridProblem problem(motion, motion.engaged.tip_nm);
   parallel_for(map.papers.found.size(), [&] {
     return [&](std::size_t i) {

@@ -61,7 +61,7 @@ TEST_F(SceneReport, TellsStepsFromTheInterior) {
   EXPECT_EQ(errors[1].name, "contact_strength_gpa_sqrt_nm");
   for (const SceneError& error : errors) {
     EXPECT_EQ(error.after_step.pixels, steps);
-    EXPECT_EQ(error.interior.pixels, 32U * 32U - steps);
+    EXPECT_EQ(error.interior.pixels, std::size_t{32} * 32 - steps);
     EXPECT_EQ(error.interior.missing, 0U);
     // Heights near 40 nm are added and taken away again: a few of their last digits are lost.
     EXPECT_NEAR(error.interior.median, 0.5, 1e-12);

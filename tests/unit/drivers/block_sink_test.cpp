@@ -25,7 +25,8 @@ class Source {
  public:
   explicit Source(BlockSink& sink) : sink_(&sink) {}
 
-  bool push(std::vector<StreamMark> marks = {}, std::uint64_t lost_before = 0, std::uint32_t epoch = 0) {
+  bool push(const std::vector<StreamMark>& marks = {}, std::uint64_t lost_before = 0,
+            std::uint32_t epoch = 0) {
     BlockHeader header;
     header.epoch = epoch;
     next_ += lost_before;

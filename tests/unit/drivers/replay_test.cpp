@@ -303,7 +303,7 @@ TEST_F(ReplayTest, BadOptionsAreNamed) {
 }
 
 TEST_F(ReplayTest, WideFramesMakeBlocksOfFewerFrames) {
-  write(std::string(65535 * 2, '\0'), R"([{"core:sample_start": 0}])", "[]", "ri16_le", 65535);
+  write(std::string(std::size_t{65535} * 2, '\0'), R"([{"core:sample_start": 0}])", "[]", "ri16_le", 65535);
   ReplayDigitizer digitizer = open(16384);
   EXPECT_EQ(digitizer.info().block_frames, (1u << 24) / (65535u * 2));
   EXPECT_EQ(run_to_end(digitizer, 1).size(), 1u);

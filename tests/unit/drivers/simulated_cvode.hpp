@@ -11,6 +11,7 @@
 #include <functional>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
 
 #include "drivers/simulated/oscillator.hpp"
 
@@ -19,8 +20,8 @@ namespace combforce::testing {
 class CvodeMotion {
  public:
   // From the drive's steady state at t = 0, as the simulator starts.
-  CvodeMotion(const OscillatorSettings& settings, std::function<double(double tip_nm, double nm_per_s)> force)
-      : settings_(settings), force_(std::move(force)) {
+  CvodeMotion(OscillatorSettings settings, std::function<double(double tip_nm, double nm_per_s)> force)
+      : settings_(std::move(settings)), force_(std::move(force)) {
     check(SUNContext_Create(nullptr, &context_), "SUNContext_Create");
     const std::size_t modes = settings_.cantilever.modes.size();
     state_ = N_VNew_Serial(static_cast<sunindextype>(2 * modes), context_);

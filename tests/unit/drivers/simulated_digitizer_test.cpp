@@ -172,7 +172,7 @@ TEST(SimulatedDigitizer, LostBlockIsAKnownLossAndItsMarksArriveAfterIt) {
 // Forty lines lost at once: their marks do not fit one block.
 TEST(SimulatedDigitizer, ManyLostMarksArriveInOrder) {
   SimulationSettings settings = small_instrument();
-  settings.faults = {{FaultSettings::Kind::lost_block, 31000, 41 * 4000, 0.0}};
+  settings.faults = {{FaultSettings::Kind::lost_block, 31000, 41UL * 4000, 0.0}};
   SimulatedDigitizer digitizer(settings);
   ScanLayout layout = small_layout();
   layout.columns = 1;
@@ -251,7 +251,7 @@ TEST(SimulatedDigitizer, PacedStreamIsNeverAheadOfRealTime) {
 TEST(SimulatedDigitizer, StopsWhileItsSinkIsFull) {
   const SimulationSettings settings = small_instrument();
   SimulatedDigitizer digitizer(settings);
-  BlockSink sink(slots, settings.block_frames * 4, WhenFull::wait);
+  BlockSink sink(slots, std::size_t{4} * settings.block_frames, WhenFull::wait);
   digitizer.start(sink);
   while (sink.extraction().filled() < slots) sink.wait_extraction();
   digitizer.stop();
@@ -264,7 +264,7 @@ TEST(SimulatedDigitizer, StopsWhileStalled) {
   SimulationSettings settings = small_instrument();
   settings.faults = {{FaultSettings::Kind::stall, 0, 0, 3600.0}};
   SimulatedDigitizer digitizer(settings);
-  BlockSink sink(slots, settings.block_frames * 4, WhenFull::wait);
+  BlockSink sink(slots, std::size_t{4} * settings.block_frames, WhenFull::wait);
   digitizer.start(sink);
   digitizer.stop();
   EXPECT_TRUE(sink.closed());
@@ -273,7 +273,7 @@ TEST(SimulatedDigitizer, StopsWhileStalled) {
 TEST(SimulatedDigitizer, RunsOnce) {
   const SimulationSettings settings = small_instrument();
   SimulatedDigitizer digitizer(settings);
-  BlockSink sink(slots, settings.block_frames * 4, WhenFull::wait);
+  BlockSink sink(slots, std::size_t{4} * settings.block_frames, WhenFull::wait);
   digitizer.start(sink);
   EXPECT_THROW(digitizer.start(sink), std::logic_error);
   digitizer.stop();

@@ -86,10 +86,10 @@ TEST(SampleSource, LinesTileTheScanAfterTheApproach) {
   ScanLayout layout = small_layout();
   layout.bidirectional = true;
   start_scan(source, settings, layout, 2);
-  const std::uint64_t line_samples = 5 * 4000;
-  const Produced scan = produce(source, 8 * 4000 + 2 * 3 * 2 * line_samples + 10, 1000);
-  ASSERT_EQ(scan.marks.size(), 2U * 3 * 2 + 1);
-  std::uint64_t expected = Raster::approach_pixels * 4000;
+  const std::uint64_t line_samples = 5UL * 4000;
+  const Produced scan = produce(source, 8UL * 4000 + 12 * line_samples + 10, 1000);
+  ASSERT_EQ(scan.marks.size(), 12U + 1);
+  std::uint64_t expected = 4000UL * Raster::approach_pixels;
   for (std::size_t i = 0; i + 1 < scan.marks.size(); ++i, expected += line_samples) {
     const StreamMark& mark = scan.marks[i];
     EXPECT_EQ(mark.kind, StreamMark::Kind::line);
@@ -117,7 +117,7 @@ TEST(SampleSource, BlocksEndBeforeTheyRunOutOfMarks) {
   EXPECT_LT(header.frames, 40U * 4000);
   EXPECT_GE(header.mark_count, BlockHeader::max_marks - 2);
   EXPECT_EQ(codes.size(), 2U * header.frames);
-  const Produced rest = produce(source, 60 * 4000, 200000);
+  const Produced rest = produce(source, 60UL * 4000, 200000);
   EXPECT_EQ(header.mark_count + rest.marks.size(), 41U);
 }
 
@@ -245,7 +245,7 @@ TEST(SampleSource, ClippedSpanReadsFullScaleAndLeavesZ) {
   settings.faults = {{FaultSettings::Kind::clipped, start, 50, 0.0}};
   SampleSource source(settings);
   start_scan(source, settings, small_layout(), 1);
-  const Produced scan = produce(source, 12 * 4000, 777);
+  const Produced scan = produce(source, 12UL * 4000, 777);
   for (std::uint64_t n = start - 50; n < start + 100; ++n) {
     EXPECT_EQ(scan.codes[2 * n] == 32767, n >= start && n < start + 50) << n;
   }

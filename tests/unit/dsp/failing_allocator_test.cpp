@@ -14,6 +14,9 @@
 namespace combforce::test {
 namespace {
 
+// Heap by hand is what is tested.
+// NOLINTBEGIN(cppcoreguidelines-no-malloc, bugprone-suspicious-realloc-usage)
+
 // The compiler may elide an allocation whose result goes nowhere.
 void* volatile sink = nullptr;
 
@@ -121,6 +124,8 @@ TEST(FailingAllocator, OtherThreadsMayAllocate) {
   other.join();
   EXPECT_EQ(calls, 0U);
 }
+
+// NOLINTEND(cppcoreguidelines-no-malloc, bugprone-suspicious-realloc-usage)
 
 }  // namespace
 }  // namespace combforce::test

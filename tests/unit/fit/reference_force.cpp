@@ -28,8 +28,9 @@ ReferenceMotion::ReferenceMotion(std::span<const std::uint64_t> bins,
   std::uint64_t divisor = 0, highest = 0;
   for (const std::uint64_t bin : bins) divisor = std::gcd(divisor, bin);
   for (const std::uint64_t bin : bins) {
-    highest = std::max(highest, bin / divisor);
-    frequencies_.push_back(2.0 * std::numbers::pi * static_cast<double>(bin / divisor));
+    const std::uint64_t harmonic = bin / divisor;
+    highest = std::max(highest, harmonic);
+    frequencies_.push_back(2.0 * std::numbers::pi * static_cast<double>(harmonic));
   }
   periods_per_s_ = static_cast<double>(divisor) * spacing_hz;
   const std::uint64_t steps = 16 * highest;
