@@ -35,6 +35,7 @@ int run(int argc, char** argv) {
   combforce::add_free(app, command);
   combforce::add_calibrate(app, command);
   combforce::add_paper(app, command);
+  combforce::add_drive(app, command);
   add_version(app);
 
   try {

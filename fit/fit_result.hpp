@@ -19,8 +19,10 @@ enum class FitStatus : std::uint8_t {
   no_free_response,  // nothing to refer a force to: parameters NaN
   not_fitted,        // the pool was full: parameters NaN; refit from the recording
   flagged,           // the pixel carries a flag: parameters NaN
-  misfit,            // chi^2 says that the model does not explain the pixel: parameters to be distrusted
-  ambiguous          // other parameters explain the pixel as well: see `alternative`
+  // Parameters to be distrusted: chi^2 says that the model does not explain the pixel, or a refined fit that
+  // the tip's motion has twice the period of the comb.
+  misfit,
+  ambiguous  // other parameters explain the pixel as well: see `alternative`
 };
 
 // Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default:

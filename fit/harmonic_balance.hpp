@@ -131,14 +131,19 @@ class HarmonicBalance {
   };
   Coupling coupling(std::size_t n, std::size_t m) const {
     const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
+    const Complex turn(0.0, harmonics_->angular_frequency(m));
     if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
     if (n == 0) {
-      const Complex both = stiffness(k) - turn(k) * damping(k);
+      const Complex both = stiffness(k) - turn * damping(k);
       return {both.real(), both.imag()};
     }
-    const Complex direct = stiffness(j - k) + turn(k) * damping(j - k),
-                  mirrored = stiffness(j + k) - turn(k) * damping(j + k);
-    return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
+    return coupled(j - k, j + k, turn);
+  }
+  // The same of a small motion half a spacing above harmonic m, and the force half a spacing above n.
+  Coupling coupling_between(std::size_t n, std::size_t m) const {
+    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
+    const Complex turn(0.0, harmonics_->angular_frequency(m) + 0.5 * harmonics_->angular_frequency(1));
+    return coupled(j - k, j + k + 1, turn);
   }
   // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
   void couple(std::span<const std::size_t> rows, std::span<const std::size_t> columns,
@@ -157,9 +162,11 @@ class HarmonicBalance {
   // Of the surface position, and relative, of the others.
   static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
 
-  // i w_m.
-  Complex turn(std::ptrdiff_t m) const {
-    return {0.0, harmonics_->angular_frequency(static_cast<std::size_t>(m))};
+  // Of a motion with velocity `turn` times itself, `difference` and `sum` of the harmonics apart.
+  Coupling coupled(std::ptrdiff_t difference, std::ptrdiff_t sum, Complex turn) const {
+    const Complex direct = stiffness(difference) + turn * damping(difference),
+                  mirrored = stiffness(sum) - turn * damping(sum);
+    return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
   }
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace combforce {
 namespace {
@@ -21,6 +22,16 @@ double compliant_band_hz(const Cantilever& cantilever) {
   return std::sqrt(inertial / (negligible_compliance * compliance));
 }
 
+// The most_strong of `candidates` with the greatest |response|, greatest first.
+std::vector<std::size_t> strongest(std::vector<std::size_t> candidates,
+                                   const std::vector<std::complex<double>>& response) {
+  const std::size_t count = std::min(most_strong, candidates.size());
+  std::ranges::partial_sort(candidates, candidates.begin() + static_cast<std::ptrdiff_t>(count),
+                            std::ranges::greater{}, [&](std::size_t n) { return std::abs(response[n]); });
+  candidates.resize(count);
+  return candidates;
+}
+
 }  // namespace
 
 Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delta_f_hz,
@@ -36,15 +47,15 @@ Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delt
       static_cast<std::size_t>(std::min(std::ceil(harmonics), static_cast<double>(most_harmonics)));
   is_tone_.resize(band + 1);
   for (const std::size_t tone : tones_) is_tone_[tone] = true;
-  std::vector<std::size_t> others;
+  std::vector<std::size_t> others, all;
   for (std::size_t n = 0; n <= band; ++n) {
     response_.push_back(tip_response(cantilever, static_cast<double>(n) * spacing_hz_));
+    response_between_.push_back(tip_response(cantilever, (static_cast<double>(n) + 0.5) * spacing_hz_));
     if (!is_tone_[n]) others.push_back(n);
+    all.push_back(n);
   }
-  const std::size_t strong = std::min(most_strong, others.size());
-  std::ranges::partial_sort(others, others.begin() + static_cast<std::ptrdiff_t>(strong),
-                            std::ranges::greater{}, [&](std::size_t n) { return std::abs(response_[n]); });
-  strong_.assign(others.begin(), others.begin() + static_cast<std::ptrdiff_t>(strong));
+  strong_ = strongest(std::move(others), response_);
+  strong_between_ = strongest(std::move(all), response_between_);
 }
 
 }  // namespace combforce

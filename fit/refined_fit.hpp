@@ -17,6 +17,7 @@
 #include "fit/harmonic_balance.hpp"
 #include "fit/loosened_balance.hpp"
 #include "fit/measured_force.hpp"
+#include "fit/period_doubling.hpp"
 #include "fit/self_consistent.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
@@ -35,6 +36,7 @@ class RefinedFit {
       : balance_(harmonics),
         fit_(balance_),
         loosened_(balance_),
+        doubling_(balance_),
         most_(most),
         rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
         jacobian_(rows_, Model::parameters),
@@ -122,6 +124,7 @@ class RefinedFit {
     best = solution;
     jacobian_ = fit_.jacobian();
     off_comb_ = fit_.off_comb_exchange();
+    lasting_ = !doubling_.branches_off();
     estimate_quadrature_error(best, result);
   }
 
@@ -177,10 +180,11 @@ class RefinedFit {
     result.quadrature_errors = minimum_shift(Linearization{jacobian_, ones_, fixed(solution)}, shift_);
   }
 
-  static FitStatus status(const MeasuredForce& measured, const Solution& best, bool determined,
-                          const FitResult& result) {
+  FitStatus status(const MeasuredForce& measured, const Solution& best, bool determined,
+                   const FitResult& result) const {
     if (!best.converged) return FitStatus::not_converged;
-    if (measured.misfit(result.chi2_reduced, count_free(best), misfit_deviate)) return FitStatus::misfit;
+    if (!lasting_ || measured.misfit(result.chi2_reduced, count_free(best), misfit_deviate))
+      return FitStatus::misfit;
     if (std::ranges::find(best.fixed, true) != best.fixed.end()) return FitStatus::at_bound;
     if (!determined) return FitStatus::ill_conditioned;
     for (std::size_t k = 1; k < Model::parameters; ++k)
@@ -195,6 +199,7 @@ class RefinedFit {
   HarmonicBalance<Model> balance_;
   SelfConsistentFit<Model> fit_;
   LoosenedBalance<Model> loosened_;
+  PeriodDoubling<Model> doubling_;
   std::uint32_t most_;
   Eigen::Index rows_;
   Eigen::MatrixXd jacobian_;  // whitened, of the best solution
@@ -203,6 +208,7 @@ class RefinedFit {
   Eigen::LLT<Eigen::MatrixXd> factor_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;
+  bool lasting_ = true;
 };
 
 }  // namespace combforce

@@ -29,5 +29,6 @@ void add_record(CLI::App& app, Command& command);
 void add_free(CLI::App& app, Command& command);
 void add_calibrate(CLI::App& app, Command& command);
 void add_paper(CLI::App& app, Command& command);
+void add_drive(CLI::App& app, Command& command);
 
 }  // namespace combforce

@@ -135,6 +135,17 @@ TEST(RefinedFit, SaysWhenTheModelDoesNotExplainThePixel) {
   EXPECT_GT(result.chi2_reduced, 5.0);
 }
 
+// The drive repeats each millisecond, the motion each two: by 4 nm the halves of the window differ.
+TEST(RefinedFit, SaysWhenTheMotionHasDoubledItsPeriod) {
+  const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
+  const auto tones = pixels.tones("dmt", {-37.0575, 1.49094, 8.65134, 0.75024});
+  ASSERT_TRUE(tones);
+  PixelFitter fitter(pixels.conditions("dmt", refine));
+  FitResult result;
+  fitter.fit(*tones, result);
+  EXPECT_EQ(result.status, FitStatus::misfit);
+}
+
 TEST(RefinedFit, SaysWhenTheIterationsDoNotSuffice) {
   const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348});
   const auto tones = pixels.tones("hertz", {-40.0, 1.0});

@@ -14,7 +14,8 @@ namespace combforce::testing {
 
 class ThermalStream {
  public:
-  ThermalStream(double sample_rate_hz, double frequency_hz, double quality_factor, double variance) {
+  ThermalStream(double sample_rate_hz, double frequency_hz, double quality_factor, double variance)
+      : deviation_(std::sqrt(variance)) {
     const double w0 = 2.0 * std::numbers::pi * frequency_hz;
     const double g = 0.5 * w0 / quality_factor;
     const double wd = std::sqrt(w0 * w0 - g * g);
@@ -32,7 +33,6 @@ class ThermalStream {
     l11_ = std::sqrt(c11);
     l01_ = c01 / l11_;
     l00_ = std::sqrt(std::max(c00 - l01_ * l01_, 0.0));
-    deviation_ = std::sqrt(variance);
   }
 
   // Adds the motion to `samples`, from equilibrium on.

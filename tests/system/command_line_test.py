@@ -6,7 +6,7 @@ import unittest
 from harness import COMBFORCE, COMBFORCED, SystemTest, run, small_instrument
 
 SUBCOMMANDS = [["replay"], ["simulate"], ["paper"], ["status"], ["watch"], ["scan", "start"], ["scan", "stop"],
-               ["record", "start"], ["record", "stop"], ["free"], ["calibrate", "thermal"]]
+               ["record", "start"], ["record", "stop"], ["free"], ["calibrate", "thermal"], ["drive", "design"]]
 
 
 class CommandLine(SystemTest):

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "daemon/cli/paper/grid_fit.hpp"
-#include "daemon/cli/paper/parallel.hpp"
+#include "daemon/cli/parallel.hpp"
 
 namespace combforce::paper {
 namespace {

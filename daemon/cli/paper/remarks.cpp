@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "daemon/cli/paper/grid_fit.hpp"
-#include "daemon/cli/paper/parallel.hpp"
+#include "daemon/cli/parallel.hpp"
 #include "proto/pixel_message.hpp"
 
 namespace combforce::paper {

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "daemon/cli/paper/parallel.hpp"
+#include "daemon/cli/parallel.hpp"
 #include "daemon/cli/paper/remarks.hpp"
 
 namespace combforce::paper {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <memory>
 
-#include "daemon/cli/paper/parallel.hpp"
+#include "daemon/cli/parallel.hpp"
 
 namespace combforce::paper {
 namespace {

@@ -48,7 +48,7 @@ Complex plate_hydrodynamic_function(double reynolds) {
   for (int i = 0; i < nodes; ++i)
     for (int j = 0; j < nodes; ++j) {
       const double t = (i + 0.5) * pi / nodes, u = (j + 0.5) * pi / nodes;
-      double logarithm = -std::log(2.0);
+      double logarithm = -std::numbers::ln2;
       for (int m = 1; m < nodes; ++m) logarithm -= 2.0 * std::cos(m * t) * std::cos(m * u) / m;
       const Stokeslet at = stokeslet(lambda * std::abs(std::cos(t) - std::cos(u)));
       matrix(i, j) =

@@ -113,7 +113,7 @@ bool coherent(std::uint32_t windows, double turn_rad, double noise, std::uint32_
     const auto tone = [&](double turned) {
       return 20.0 * (std::polar(1.0, 0.7 + turned) + std::complex<double>(normal(random), normal(random)));
     };
-    capture.add(w * 1000, std::vector<std::complex<double>>{tone(0.1 * turn), tone(turn)});
+    capture.add(std::uint64_t{1000} * w, std::vector<std::complex<double>>{tone(0.1 * turn), tone(turn)});
   }
   capture.finish();
   return answer.value();

@@ -39,7 +39,7 @@ Spectrum spectrum_of(Description description) {
   description.comb = Comb{200, {{7, true}, {31, true}}};
   description.fit.emplace().model = "hertz";
   if (!description.channels) description.channels = info.channels;
-  const auto analysis = make_analysis(info, description);
+  auto analysis = make_analysis(info, description);
   std::atomic<bool> there{false};
   Spectrum result;
   SpectrumMonitor monitor(
@@ -129,7 +129,7 @@ TEST(SpectrumMonitor, EndsWhileItWaitsForSamples) {
   const StreamInfo info = testing::one_channel(rate_hz, 512);
   Description description;
   description.comb = Comb{200, {{7, true}}};
-  const auto analysis = make_analysis(info, description);
+  auto analysis = make_analysis(info, description);
   SpectrumMonitor monitor(
       info, segment, [&] { return analysis; }, [](const Spectrum&) {});
   monitor.set_rate(10.0);

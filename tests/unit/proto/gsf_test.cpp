@@ -48,7 +48,7 @@ GsfMap map_of(std::uint32_t columns, std::uint32_t lines, std::vector<float> val
 }
 
 std::string data(std::size_t points) {
-  return std::string(4 * points, '\0');
+  return {std::string(4 * points, '\0')};
 }
 
 // The bytes as the format's definition has them, put together by hand.
@@ -130,7 +130,7 @@ TEST_F(GsfTest, RefusesMalformedFiles) {
   EXPECT_EQ(refused(magic + "XRes = 1\nXRes = 1\n" + pad).what(), path + ": /XRes: duplicate key");
   EXPECT_EQ(refused(magic + "XRes = 1\n" + pad).what(), path + ": /YRes: is missing");
   for (const char* value : {"0", "-1", "1.5", "1048577", "99999999999", "x"})
-    EXPECT_EQ(refused(magic + "XRes = " + value + "\nYRes = 1\n" + pad).what(),
+    EXPECT_EQ(refused(fmt::format("{}XRes = {}\nYRes = 1\n{}", magic, value, pad)).what(),
               fmt::format("{}: /XRes: is \"{}\", must be an integer in [1, 1048576]", path, value));
   EXPECT_THAT(refused(magic + "XRes = 1048576\nYRes = 1048576\n" + pad).message(),
               HasSubstr("must have 4398046511"));

@@ -1,5 +1,6 @@
 #include "proto/spectrum_file.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -15,8 +16,7 @@ using testing::HasSubstr;
 
 std::string rows(int count, const std::string& separator = " ") {
   std::string text;
-  for (int i = 0; i < count; ++i)
-    text += std::to_string(2.5 * i + 10.0) + separator + "1e-9" + separator + std::to_string(i) + "\n";
+  for (int i = 0; i < count; ++i) text += fmt::format("{1}{0}1e-9{0}{2}\n", separator, 2.5 * i + 10.0, i);
   return text;
 }
 

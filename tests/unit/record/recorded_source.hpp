@@ -86,7 +86,9 @@ inline std::vector<SampleBlock> replay_and_check(const std::string& recording) {
     for (std::uint32_t i = 0; i < block.header.frames; ++i)
       for (std::size_t channel = 0; channel < 2; ++channel)
         misplaced +=
-            block.i16()[2 * i + channel] != source_code(block.header.first_sample + i, channel) ? 1 : 0;
+            block.i16()[std::size_t{2} * i + channel] != source_code(block.header.first_sample + i, channel)
+                ? 1
+                : 0;
   }
   EXPECT_EQ(misplaced, 0u);
   return blocks;

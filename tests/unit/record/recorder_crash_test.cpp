@@ -19,7 +19,7 @@ using testing::source_info;
 
 // Records until killed, a gap every 50 blocks, and writes to `report` how many frames are surely in the file.
 [[noreturn]] void record_for_ever(const std::string& recording, int report) {
-  BlockSink sink(8, source_frames * 4, WhenFull::wait);
+  BlockSink sink(8, std::size_t{4} * source_frames, WhenFull::wait);
   Recorder recorder(source_info(), sink, {});
   RecordedSource source(sink, 300);
   recorder.start(recording, {}, Json());

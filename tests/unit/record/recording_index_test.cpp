@@ -27,7 +27,7 @@ Description described(double temperature_k) {
 class RecordingIndexTest : public ::testing::Test {
  protected:
   bool block(std::uint64_t first_sample, std::uint32_t frames, std::uint32_t epoch = 0,
-             std::vector<StreamMark> marks = {}) {
+             const std::vector<StreamMark>& marks = {}) {
     BlockHeader header;
     header.first_sample = first_sample;
     header.frames = frames;

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-namespace combforce::paper {
+namespace combforce {
 
 // Calls work(i) for every i below `count`, each thread with its own work = make_work(), made in that thread.
 // Which thread takes which i is left to chance: work(i) must depend on i only. Rethrows the first exception.
@@ -35,4 +35,4 @@ void parallel_for(std::size_t count, const MakeWork& make_work) {
   if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace combforce::paper
+}  // namespace combforce

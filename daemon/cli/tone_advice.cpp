@@ -1,0 +1,201 @@
+#include "daemon/cli/tone_advice.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+
+#include "daemon/cli/parallel.hpp"
+#include "drivers/simulated/steady_state.hpp"
+#include "proto/pixel_message.hpp"
+
+namespace combforce {
+namespace {
+
+using Phasors = std::vector<std::complex<double>>;
+
+// The motion is sampled for the analysis at least so much faster than the fastest mode moves: what aliases
+// into the tones is then far below the noise.
+constexpr double oversampling = 8.0;
+constexpr double settled_nm = 5e-6;            // tones move by less from one window to the next
+constexpr double settled_relaxations = 12.0;   // of the slowest mode
+constexpr std::uint32_t further_windows = 30;  // waited for slower motion
+constexpr double came_back = 0.01;             // relative, and nm of the surface position
+
+double delta_f_hz(const FitConditions& conditions) {
+  return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+}
+
+std::vector<std::uint64_t> candidates(const Comb& comb, std::uint64_t reach) {
+  std::vector<std::uint64_t> bins;
+  for (const Tone& tone : comb.tones)
+    for (std::uint64_t harmonic = 1; harmonic <= 3; ++harmonic) {
+      const std::uint64_t centre = harmonic * tone.bin;
+      for (std::uint64_t bin = centre > reach ? centre - reach : 1; bin <= centre + reach; ++bin)
+        if (2 * bin < comb.window_samples) bins.push_back(bin);
+    }
+  std::ranges::sort(bins);
+  bins.erase(std::ranges::unique(bins).begin(), bins.end());
+  std::erase_if(bins, [&](std::uint64_t bin) {
+    return std::ranges::find(comb.tones, bin, &Tone::bin) != comb.tones.end();
+  });
+  return bins;
+}
+
+SteadyStateSettings motion_of(const TypicalPixel& pixel, const std::vector<std::uint64_t>& bins) {
+  const FitConditions& conditions = pixel.conditions;
+  double fastest_hz = 0.0, relaxation_s = 0.0;
+  for (const Mode& mode : conditions.cantilever.modes) {
+    fastest_hz = std::max(fastest_hz, mode.frequency_hz);
+    relaxation_s = std::max(relaxation_s, mode.quality_factor / (std::numbers::pi * mode.frequency_hz));
+  }
+  const double finer = std::ceil(std::max(1.0, oversampling * fastest_hz / conditions.sample_rate_hz));
+  SteadyStateSettings settings;
+  settings.oscillator.sample_rate_hz = finer * conditions.sample_rate_hz;
+  settings.oscillator.window_samples = static_cast<std::uint64_t>(finer) * conditions.comb.window_samples;
+  settings.oscillator.cantilever = conditions.cantilever;
+  for (const Tone& tone : conditions.comb.tones)
+    if (tone.driven) settings.oscillator.drive_bins.push_back(tone.bin);
+  settings.oscillator.drive_forces_nn = pixel.drive_forces_nn;
+  settings.oscillator.accuracy = IntegratorAccuracy::accurate;
+  settings.model = conditions.settings.model;
+  settings.parameters = pixel.parameters;
+  settings.bins = bins;
+  settings.settle_windows =
+      static_cast<std::uint32_t>(std::ceil(settled_relaxations * relaxation_s * delta_f_hz(conditions)));
+  return settings;
+}
+
+Phasors settled_tones(const TypicalPixel& pixel, const std::vector<std::uint64_t>& bins) {
+  SteadyStateSettings settings = motion_of(pixel, bins);
+  const std::uint32_t least = settings.settle_windows;
+  for (const std::uint32_t windows : {least, least + further_windows}) {
+    settings.settle_windows = windows;
+    const Phasors before = simulate_steady_state(settings).tip_nm;
+    settings.settle_windows = windows + 1;
+    Phasors after = simulate_steady_state(settings).tip_nm;
+    double moved = 0.0;
+    for (std::size_t i = 0; i < after.size(); ++i) moved = std::max(moved, std::abs(after[i] - before[i]));
+    if (moved < settled_nm) return after;
+  }
+  throw std::invalid_argument("parameters: the motion over this surface does not settle; choose others");
+}
+
+// The tones of every bin that may be measured, and how well a comb of some of them tells the parameters.
+class Judge {
+ public:
+  Judge(const TypicalPixel& pixel, std::vector<std::uint64_t> bins)
+      : pixel_(pixel), bins_(std::move(bins)), tones_(settled_tones(pixel, bins_)) {}
+
+  FitResult fit(const std::vector<std::uint64_t>& added) const {
+    FitConditions conditions = pixel_.conditions;
+    FreeResponse free;
+    Phasors tones;
+    std::size_t driven = 0;
+    for (const std::uint64_t bin : added) {
+      conditions.comb.tones.push_back({bin, false});
+      if (conditions.noise->detector_nm_per_sqrt_hz.size() > 1)
+        conditions.noise->detector_nm_per_sqrt_hz.push_back(
+            conditions.noise->detector_nm_per_sqrt_hz[nearest_tone(bin)]);
+    }
+    for (const Tone& tone : conditions.comb.tones) {
+      const double hz = delta_f_hz(conditions) * static_cast<double>(tone.bin);
+      free.mean_nm.push_back(
+          tone.driven ? tip_response(conditions.cantilever, hz) * pixel_.drive_forces_nn[driven++] : 0.0);
+      tones.push_back(
+          tones_[static_cast<std::size_t>(std::ranges::lower_bound(bins_, tone.bin) - bins_.begin())]);
+    }
+    conditions.free_response = free;
+    PixelFitter fitter(conditions);
+    FitResult result;
+    fitter.fit_from(tones, pixel_.parameters, result);
+    return result;
+  }
+
+ private:
+  std::size_t nearest_tone(std::uint64_t bin) const {
+    const auto distance = [bin](const Tone& tone) {
+      return tone.bin > bin ? tone.bin - bin : bin - tone.bin;
+    };
+    const std::vector<Tone>& tones = pixel_.conditions.comb.tones;
+    return static_cast<std::size_t>(std::ranges::min_element(tones, {}, distance) - tones.begin());
+  }
+
+  const TypicalPixel& pixel_;
+  std::vector<std::uint64_t> bins_;  // ascending
+  Phasors tones_;
+};
+
+std::vector<double> errors_of(const FitResult& fit) {
+  return {fit.std_errors.begin(), fit.std_errors.begin() + fit.parameters_count};
+}
+
+// Logarithm of the product; infinite where a parameter is not told, or the fit went elsewhere.
+double score(const FitResult& fit, const std::vector<double>& truth) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    const double scale = k == 0 ? 1.0 : std::abs(truth[k]);
+    if (!(std::abs(fit.parameters[k] - truth[k]) <= came_back * scale))
+      return std::numeric_limits<double>::infinity();
+    sum += std::log(fit.std_errors[k]);
+  }
+  return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint64_t reach,
+                        const std::function<void(std::size_t, std::size_t)>& progress) {
+  std::vector<std::uint64_t> left = candidates(pixel.conditions.comb, reach), bins = left;
+  for (const Tone& tone : pixel.conditions.comb.tones) bins.push_back(tone.bin);
+  std::ranges::sort(bins);
+  const Judge judge(pixel, bins);
+
+  ToneAdvice advice;
+  const FitResult now = judge.fit({});
+  advice.std_errors = errors_of(now);
+  if (!std::ranges::all_of(advice.std_errors,
+                           [](double error) { return std::isfinite(error) && error > 0.0; }))
+    throw std::invalid_argument(
+        fmt::format("noise: tells no standard errors of the parameters (status {})", to_string(now.status)));
+  double least = score(now, pixel.parameters);
+  if (!std::isfinite(least))
+    throw std::invalid_argument(
+        fmt::format("parameters: a fit of this comb does not come back to them from exact tones (status {}); "
+                    "choose others",
+                    to_string(now.status)));
+
+  std::vector<std::uint64_t> added;
+  std::size_t tried = 0;
+  std::mutex progress_mutex;
+  while (added.size() < std::min(tones, bins.size() - pixel.conditions.comb.tones.size())) {
+    std::vector<FitResult> fits(left.size());
+    parallel_for(left.size(), [&] {
+      return [&](std::size_t i) {
+        std::vector<std::uint64_t> with = added;
+        with.push_back(left[i]);
+        fits[i] = judge.fit(with);
+        const std::lock_guard lock(progress_mutex);
+        ++tried;
+        if (progress) progress(tried, left.size() * tones);
+      };
+    });
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < fits.size(); ++i)
+      if (score(fits[i], pixel.parameters) < score(fits[best], pixel.parameters)) best = i;
+    if (!(score(fits[best], pixel.parameters) < least)) break;
+    least = score(fits[best], pixel.parameters);
+    added.push_back(left[best]);
+    advice.steps.push_back({left[best], errors_of(fits[best])});
+    left.erase(left.begin() + static_cast<std::ptrdiff_t>(best));
+  }
+  return advice;
+}
+
+}  // namespace combforce

@@ -1,0 +1,44 @@
+// Which further tones would sharpen the parameters of a pixel most: for the design of a comb.
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "fit/pixel_fitter.hpp"
+
+namespace combforce {
+
+// What is to be measured: a comb under a drive over a surface of known force.
+struct TypicalPixel {
+  // As of the pixels to come, with a noise model; the fit is refined. `free_response` is not read.
+  FitConditions conditions;
+  std::vector<std::complex<double>> drive_forces_nn;  // one a driven tone of the comb
+  std::vector<double> parameters;                     // in the model's order
+};
+
+struct ToneAdvice {
+  struct Step {
+    std::uint64_t bin = 0;           // the tone added
+    std::vector<double> std_errors;  // of the parameters, with it and all before it
+  };
+  std::vector<double> std_errors;  // with the comb as it is
+  std::vector<Step> steps;         // best first
+};
+
+// Simulates the pixel's settled motion and adds to the comb, one after the other, the tone that lowers the
+// product of the refined fit's standard errors most. Candidates lie up to `reach` bins from a tone of the
+// comb, or from twice or three times one, below half the sample rate. Of a comb and noise that determine
+// nothing, stops early. Detector noise given for every tone holds for the candidates nearest to it.
+//
+// Runs on all cores; the same advice on any number of them. `progress` is called from several threads, one at
+// a time, with the combs tried so far and how many there are to try; may be empty. Throws
+// std::invalid_argument naming field, value and bound, also where the pixel's motion does not settle, or the
+// fit of its exact tones does not come back to the parameters.
+ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint64_t reach,
+                        const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+}  // namespace combforce
