@@ -25,7 +25,7 @@ double chi2_rarity(double degrees, double chi2) {
 
 }  // namespace
 
-MeasuredForce::MeasuredForce(const FitConditions& conditions)
+MeasuredForce::MeasuredForce(const FitConditions& conditions, std::span<const double> off_comb_hz)
     : free_nm_(conditions.free_response->mean_nm), noise_known_(conditions.noise.has_value()) {
   const std::size_t tones = conditions.comb.tones.size();
   const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
@@ -49,27 +49,53 @@ MeasuredForce::MeasuredForce(const FitConditions& conditions)
   contact_threshold_ = chi2_quantile(2.0 * static_cast<double>(tones), 5.0);
   tip_nm_.resize(tones);
   forces_.resize(tones);
-  set_covariance(conditions, frequencies_hz);
+  set_covariance(conditions, frequencies_hz, off_comb_hz);
 }
 
-void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz) {
+void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz,
+                                   std::span<const double> off_comb_hz) {
   const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
-  thermal_ = covariance_ = Eigen::MatrixXd::Zero(rows, rows);
+  covariance_ = Eigen::MatrixXd::Zero(rows, rows);
   detector_variances_.resize(frequencies_hz.size());
   if (!noise_known_) return;
   const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
-  thermal_ = thermal_force_covariance(conditions.cantilever, frequencies_hz, conditions.noise->temperature_k,
-                                      delta_f_hz, conditions.windows);
+  std::vector<double> all_hz(frequencies_hz.begin(), frequencies_hz.end());
+  all_hz.insert(all_hz.end(), off_comb_hz.begin(), off_comb_hz.end());
+  thermal_ = thermal_force_covariance(conditions.cantilever, all_hz, frequencies_hz.size(),
+                                      conditions.noise->temperature_k, delta_f_hz, conditions.windows);
+  for (std::size_t i = 0; i < all_hz.size(); ++i) {
+    if (all_hz[i] > 0.0) continue;
+    const auto re = static_cast<Eigen::Index>(2 * i);
+    thermal_.row(re) *= std::numbers::sqrt2 / 2.0;
+    thermal_.col(re) *= std::numbers::sqrt2 / 2.0;
+    thermal_.row(re + 1).setZero();
+    thermal_.col(re + 1).setZero();
+  }
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
     const double density = detector_density(*conditions.noise, i);
     detector_variances_[i] = density * density * delta_f_hz / conditions.windows;
-    detector_noise_ = detector_noise_ || density > 0.0;
   }
-  covariance_at(Eigen::MatrixXd::Zero(rows, rows), covariance_);
+  covariance_ = thermal_.topLeftCorner(rows, rows);
+  add_detector_noise(Eigen::MatrixXd::Zero(rows, rows), covariance_);
 }
 
-void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const {
-  covariance = thermal_;
+void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& gain,
+                                  Eigen::MatrixXd& covariance) const {
+  const Eigen::Index rows = covariance.rows(), others = gain.cols();
+  covariance = thermal_.topLeftCorner(rows, rows);
+  for (Eigen::Index k = 0; k < rows; ++k)
+    for (Eigen::Index l = 0; l < rows; ++l)
+      covariance(k, l) +=
+          gain.row(l).dot(thermal_.row(k).tail(others)) + gain.row(k).dot(thermal_.row(l).tail(others));
+  for (Eigen::Index o = 0; o < others; ++o)
+    for (Eigen::Index l = 0; l < rows; ++l) {
+      const double reached = gain.row(l).dot(thermal_.row(rows + o).tail(others));
+      for (Eigen::Index k = 0; k < rows; ++k) covariance(k, l) += gain(k, o) * reached;
+    }
+  add_detector_noise(stiffness, covariance);
+}
+
+void MeasuredForce::add_detector_noise(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const {
   const auto gain = [&](Eigen::Index row, Eigen::Index column) {
     double value = stiffness(row, column);
     if (row / 2 == column / 2) {

@@ -16,7 +16,9 @@ struct FitConditions;
 class MeasuredForce {
  public:
   // Conditions are valid and have a free response.
-  explicit MeasuredForce(const FitConditions& conditions);
+  // `off_comb_hz`: further frequencies whose thermal forces reach the tones through the surface (see
+  // covariance_at()).
+  explicit MeasuredForce(const FitConditions& conditions, std::span<const double> off_comb_hz = {});
 
   // Force phasors, nN, of these tip-deflection phasors, nm.
   void set(std::span<const std::complex<double>> tip_nm);
@@ -29,11 +31,13 @@ class MeasuredForce {
   // Covariance of all of them, rows (re, im) of every tone, nN^2, as if the detector's noise were seen by the
   // measurement alone: through chi^-1. All 0 without a noise model.
   const Eigen::MatrixXd& covariance() const { return covariance_; }
-  // The same of the difference between a model's forces and the measured ones. The detector's noise is taken
-  // for motion and enters both: through `stiffness` - chi^-1, with dF_model/dd by (re, im) of every tone's
-  // motion, nN/nm. `covariance` is rows x rows; does not allocate.
-  void covariance_at(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const;
-  bool detector_noise() const { return detector_noise_; }  // whether the two differ
+  // The same of the difference between a model's forces and the measured ones, by what small motion and small
+  // forces do to the model's forces, rows (re, im) of every tone; does not allocate.
+  // `stiffness`: dF_model/dd, nN/nm, by (re, im) of every tone's motion: the detector's noise is taken for
+  // motion and enters both, through `stiffness` - chi^-1. `gain`: dF_model/dF by (re, im) of a force at every
+  // frequency off the comb: what heat moves there is not measured, and not in the model.
+  void covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& gain,
+                     Eigen::MatrixXd& covariance) const;
 
   // Whether the forces are distinguishable from none: sum |F_i|^2/s_i^2 exceeds the 5-sigma quantile of chi^2
   // with two degrees of freedom a tone, s_i^2 being the variance of engaged and free measurement together
@@ -49,14 +53,17 @@ class MeasuredForce {
   double dissipated_fw() const;  // -1/2 sum w_i Im(F_i conj d_i)
 
  private:
-  void set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz);
+  void set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz,
+                      std::span<const double> off_comb_hz);
+  void add_detector_noise(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const;
 
   std::vector<std::complex<double>> inverse_response_, free_nm_, tip_nm_, forces_;
   std::vector<double> angular_frequencies_, variances_, contact_variances_;
   std::vector<double> detector_variances_;  // of each quadrature of the motion, nm^2
-  Eigen::MatrixXd thermal_, covariance_;
+  Eigen::MatrixXd thermal_;                 // of tones, then frequencies off the comb
+  Eigen::MatrixXd covariance_;
   double contact_threshold_ = 0.0;
-  bool noise_known_ = false, detector_noise_ = false;
+  bool noise_known_ = false;
 };
 
 }  // namespace combforce

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <cstdlib>
 #include <numbers>
 #include <stdexcept>
 
@@ -88,18 +89,19 @@ double force_quadrature_variance(const Cantilever& cantilever, const Noise& nois
 }
 
 Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span<const double> frequencies_hz,
-                                         double temperature_k, double delta_f_hz, unsigned windows) {
+                                         std::size_t tones, double temperature_k, double delta_f_hz,
+                                         unsigned windows) {
   const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(rows, rows);
-  std::vector<std::size_t> mode_of_tone;
+  std::vector<std::size_t> measured_modes;
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(2 * i);
     covariance(row, row) = covariance(row + 1, row + 1) =
         tip_force_density(cantilever, frequencies_hz[i], temperature_k) * delta_f_hz / windows;
-    mode_of_tone.push_back(noisiest_mode(cantilever, frequencies_hz[i]));
+    if (i < tones) measured_modes.push_back(noisiest_mode(cantilever, frequencies_hz[i]));
   }
   for (std::size_t m = 0; m < cantilever.modes.size(); ++m)
-    if (std::ranges::count(mode_of_tone, m) > 1)
+    if (std::ranges::count(measured_modes, m) > 1)
       add_window_end(cantilever, m, frequencies_hz, temperature_k, delta_f_hz / windows, covariance);
   return covariance;
 }

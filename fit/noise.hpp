@@ -37,18 +37,19 @@ double force_quadrature_variance(const Cantilever& cantilever, const Noise& nois
 // Detector noise at a tone, nm/sqrt(Hz).
 double detector_density(const Noise& noise, std::size_t tone);
 
-// Covariance of the thermal force phasors at these frequencies, rows (re, im) of each, nN^2.
+// Covariance of the thermal force phasors at these frequencies, rows (re, im) of each, nN^2; the first
+// `tones` of them are measured.
 //
 // On the diagonal tip_force_density * Delta f / windows. Besides, a window of length T ends in another state
 // of a mode than it began in, and the change (dq, dv) of its position and velocity appears as a force
 //     b_m(w) = (chi_m/chi) (2 k_m/(w_m^2 T)) [dv + (i w + w_m/Q_m) dq]
 // at all frequencies alike (the equation of motion, integrated by parts against exp(-iwt)); n contiguous
-// windows are one of length nT. Added for every mode whose thermal motion is the greatest at two frequencies
-// or more, with standard deviations of dq and of dv/w_m of beta sqrt(2 kB T/k_m). beta = 2: an engaged tip
-// moves more than a free one, and so simulated error bars hold for tones on both sides of the drive's; for
-// tones on one side alone they do not (chi^2 of 1 to 3 a degree of freedom). Where a mode has one frequency
-// the diagonal alone is what simulations show.
+// windows are one of length nT. Added for every mode whose thermal motion is the greatest at two tones or
+// more, with standard deviations of dq and of dv/w_m of beta sqrt(2 kB T/k_m). beta = 2: an engaged tip moves
+// more than a free one, and so simulated error bars hold. Where a mode has one tone the diagonal alone is
+// what simulations show: there b counteracts the window's own forces, with which the mode ends.
 Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span<const double> frequencies_hz,
-                                         double temperature_k, double delta_f_hz, unsigned windows);
+                                         std::size_t tones, double temperature_k, double delta_f_hz,
+                                         unsigned windows);
 
 }  // namespace combforce

@@ -107,9 +107,9 @@ class PixelFitter::State {
       : model_(&find_model(conditions.settings.model)),
         tones_(conditions.comb.tones.size()),
         refers_(conditions.free_response.has_value()),
-        measured_(refers_ ? conditions : without_motion(conditions)),
-        balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         harmonics_(harmonics_of(conditions)),
+        measured_(refers_ ? conditions : without_motion(conditions), strong_hz(harmonics_.get())),
+        balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         fitter_(fitter_of(conditions.settings)),
         weights_(weights_of(conditions, measured_)),
         whitening_(whitening(measured_, weights_)),
@@ -191,6 +191,14 @@ class PixelFitter::State {
     return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, spacing_hz(conditions), band);
   }
 
+  static std::vector<double> strong_hz(const Harmonics* harmonics) {
+    std::vector<double> frequencies_hz;
+    if (harmonics != nullptr)
+      for (const std::size_t n : harmonics->strong())
+        frequencies_hz.push_back(static_cast<double>(n) * harmonics->spacing_hz());
+    return frequencies_hz;
+  }
+
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
     if (tip_nm.size() != tones_)
       throw std::invalid_argument(fmt::format("tip_nm: {} values for {} tones", tip_nm.size(), tones_));
@@ -206,9 +214,9 @@ class PixelFitter::State {
   const ModelInfo* model_;
   std::size_t tones_;
   bool refers_;
+  std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
   MeasuredForce measured_;
   ForceBalance balance_;
-  std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
   std::unique_ptr<Fitter> fitter_;
   std::vector<double> weights_;
   Whitening whitening_;

@@ -42,6 +42,7 @@ class RefinedFit {
         jacobian_(rows_, Model::parameters),
         shift_(rows_),
         stiffness_(rows_, rows_),
+        gain_(rows_, static_cast<Eigen::Index>(2 * harmonics.strong().size())),
         covariance_(rows_, rows_),
         root_(rows_, rows_),
         factor_(rows_),
@@ -112,7 +113,7 @@ class RefinedFit {
     balance_.set_whitening(whitening.root);
     Solution solution = fit_.solve(start, quadrature_level, most_);
     result.iterations += solution.iterations;
-    if (solution.converged && measured.detector_noise() && whiten_at_solution(measured)) {
+    if (solution.converged && measured.noise_known() && whiten_at_solution(measured)) {
       solution = fit_.solve(solution.p, quadrature_level, most_);
       result.iterations += solution.iterations;
     }
@@ -131,7 +132,8 @@ class RefinedFit {
   // What the detector's noise does depends on how the surface answers to the motion that it feigns.
   bool whiten_at_solution(const MeasuredForce& measured) {
     fit_.stiffness_at_tones(stiffness_);
-    measured.covariance_at(stiffness_, covariance_);
+    fit_.gain_at_tones(gain_);
+    measured.covariance_at(stiffness_, gain_, covariance_);
     factor_.compute(covariance_);
     if (factor_.info() != Eigen::Success) return false;
     root_ = factor_.matrixL();
@@ -204,7 +206,7 @@ class RefinedFit {
   Eigen::Index rows_;
   Eigen::MatrixXd jacobian_;  // whitened, of the best solution
   Eigen::VectorXd shift_;
-  Eigen::MatrixXd stiffness_, covariance_, root_;
+  Eigen::MatrixXd stiffness_, gain_, covariance_, root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;

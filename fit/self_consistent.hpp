@@ -137,6 +137,23 @@ class SelfConsistentFit {
     }
   }
 
+  // Of the last solution, when it converged: dF_model/dF at the tones, by (re, im) of a force at every strong
+  // harmonic off the comb. rows x unknowns.
+  void gain_at_tones(Eigen::MatrixXd& gain) {
+    const auto& strong = harmonics_->strong();
+    balance_->couple(harmonics_->tones(), strong, gain);
+    for (Eigen::Index row = 0; row < rows_; ++row) {
+      right_ = gain.row(row);
+      solve_transposed();
+      for (std::size_t s = 0; s < strong.size(); ++s) {
+        const Complex chi = harmonics_->response()[strong[s]];
+        const double re = solved_(index(2 * s)), im = solved_(index(2 * s + 1));
+        gain(row, index(2 * s)) = re * chi.real() + im * chi.imag();
+        gain(row, index(2 * s + 1)) = im * chi.real() - re * chi.imag();
+      }
+    }
+  }
+
   // Of the last solution: virial and dissipated power of the force that moves the tip off the comb.
   struct Exchange {
     double virial_nn_nm = 0.0, dissipated_fw = 0.0;
@@ -209,6 +226,14 @@ class SelfConsistentFit {
                        Complex(solved_(index(2 * s)), solved_(index(2 * s + 1)));
     for (const std::size_t tone : harmonics_->tones()) out[tone] = 0.0;
     out[0] = out[0].real();
+  }
+
+  // solved_: what factor_'s matrix, transposed, takes to right_. Eigen's own allocates.
+  void solve_transposed() {
+    factor_.matrixLU().template triangularView<Eigen::Upper>().transpose().solveInPlace(right_);
+    factor_.matrixLU().template triangularView<Eigen::UnitLower>().transpose().solveInPlace(right_);
+    const auto& order = factor_.permutationP().indices();
+    for (Eigen::Index i = 0; i < unknowns_; ++i) solved_(i) = right_(order(i));
   }
 
   void factorize() {

@@ -185,9 +185,7 @@ void add_drive(CLI::App& app, Command& command) {
   design->add_option("--tones", options->tones, "how many to add")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
-  design
-      ->add_option("--reach", options->reach,
-                   "bins from the comb's tones and their harmonics where they may lie")
+  design->add_option("--reach", options->reach, "bins from the comb's tones where they may lie")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
   design->add_flag("--json", options->json, "as JSON");

@@ -35,11 +35,8 @@ double delta_f_hz(const FitConditions& conditions) {
 std::vector<std::uint64_t> candidates(const Comb& comb, std::uint64_t reach) {
   std::vector<std::uint64_t> bins;
   for (const Tone& tone : comb.tones)
-    for (std::uint64_t harmonic = 1; harmonic <= 3; ++harmonic) {
-      const std::uint64_t centre = harmonic * tone.bin;
-      for (std::uint64_t bin = centre > reach ? centre - reach : 1; bin <= centre + reach; ++bin)
-        if (2 * bin < comb.window_samples) bins.push_back(bin);
-    }
+    for (std::uint64_t bin = tone.bin > reach ? tone.bin - reach : 1; bin <= tone.bin + reach; ++bin)
+      if (2 * bin < comb.window_samples) bins.push_back(bin);
   std::ranges::sort(bins);
   bins.erase(std::ranges::unique(bins).begin(), bins.end());
   std::erase_if(bins, [&](std::uint64_t bin) {
@@ -136,16 +133,18 @@ std::vector<double> errors_of(const FitResult& fit) {
   return {fit.std_errors.begin(), fit.std_errors.begin() + fit.parameters_count};
 }
 
-// Logarithm of the product; infinite where a parameter is not told, or the fit went elsewhere.
+bool comes_back(const FitResult& fit, const std::vector<double>& truth) {
+  for (std::size_t k = 0; k < truth.size(); ++k)
+    if (!(std::abs(fit.parameters[k] - truth[k]) <= came_back * (k == 0 ? 1.0 : std::abs(truth[k]))))
+      return false;
+  return true;
+}
+
+// Logarithm of the product of the errors; infinite where one is not known, or the fit went elsewhere.
 double score(const FitResult& fit, const std::vector<double>& truth) {
   double sum = 0.0;
-  for (std::size_t k = 0; k < truth.size(); ++k) {
-    const double scale = k == 0 ? 1.0 : std::abs(truth[k]);
-    if (!(std::abs(fit.parameters[k] - truth[k]) <= came_back * scale))
-      return std::numeric_limits<double>::infinity();
-    sum += std::log(fit.std_errors[k]);
-  }
-  return std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < truth.size(); ++k) sum += std::log(fit.std_errors[k]);
+  return comes_back(fit, truth) && std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -159,17 +158,14 @@ ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint6
 
   ToneAdvice advice;
   const FitResult now = judge.fit({});
-  advice.std_errors = errors_of(now);
-  if (!std::ranges::all_of(advice.std_errors,
-                           [](double error) { return std::isfinite(error) && error > 0.0; }))
-    throw std::invalid_argument(
-        fmt::format("noise: tells no standard errors of the parameters (status {})", to_string(now.status)));
-  double least = score(now, pixel.parameters);
-  if (!std::isfinite(least))
+  if (!comes_back(now, pixel.parameters))
     throw std::invalid_argument(
         fmt::format("parameters: a fit of this comb does not come back to them from exact tones (status {}); "
                     "choose others",
                     to_string(now.status)));
+  double least = score(now, pixel.parameters);
+  if (!std::isfinite(least)) throw std::invalid_argument("noise: is none, so nothing limits the parameters");
+  advice.std_errors = errors_of(now);
 
   std::vector<std::uint64_t> added;
   std::size_t tried = 0;

@@ -31,8 +31,8 @@ struct ToneAdvice {
 
 // Simulates the pixel's settled motion and adds to the comb, one after the other, the tone that lowers the
 // product of the refined fit's standard errors most. Candidates lie up to `reach` bins from a tone of the
-// comb, or from twice or three times one, below half the sample rate. Of a comb and noise that determine
-// nothing, stops early. Detector noise given for every tone holds for the candidates nearest to it.
+// comb: what the noise does there is known best (noise.hpp). Stops early when no tone helps any more.
+// Detector noise given for every tone holds for the candidates nearest to it.
 //
 // Runs on all cores; the same advice on any number of them. `progress` is called from several threads, one at
 // a time, with the combs tried so far and how many there are to try; may be empty. Throws

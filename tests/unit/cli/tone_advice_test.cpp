@@ -3,8 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
+#include <functional>
+#include <numeric>
+#include <span>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/integration/simulated_pixel.hpp"
 
@@ -13,10 +18,10 @@ namespace {
 
 using testing::SimulatedPixels;
 
-TypicalPixel two_tones(std::vector<double> parameters) {
-  const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348});
+TypicalPixel four_tones(std::vector<double> parameters) {
+  const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
   TypicalPixel pixel;
-  pixel.conditions = pixels.conditions("hertz", 30);
+  pixel.conditions = pixels.conditions("dmt", 30);
   pixel.conditions.free_response.reset();
   pixel.drive_forces_nn = pixels.drive_forces_nn();
   pixel.parameters = std::move(parameters);
@@ -25,30 +30,32 @@ TypicalPixel two_tones(std::vector<double> parameters) {
 
 // What a fit says when this tone is measured too.
 FitResult fit_with(std::uint64_t bin, const std::vector<double>& parameters) {
-  SimulatedPixels pixels = SimulatedPixels::paper({234, 1348});
+  SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
   pixels.bins.push_back(bin);
-  PixelFitter fitter(pixels.conditions("hertz", 30));
+  PixelFitter fitter(pixels.conditions("dmt", 30));
   FitResult result;
-  fitter.fit(pixels.tones("hertz", parameters).value(), result);
+  fitter.fit(pixels.tones("dmt", parameters).value(), result);
   return result;
 }
 
-// Candidates are the neighbours of 234 and 1348 and of twice and three times these: the advised tone is no
-// worse than the four nearest of them, and the errors are those that a fit of the wider comb will report.
+double product(std::span<const double> errors) {
+  return std::accumulate(errors.begin(), errors.end(), 1.0, std::multiplies<>());
+}
+
+// Of the candidates none is better than the advised one, and the errors are those that a fit of the wider
+// comb will report.
 TEST(ToneAdvice, IsTheToneWithWhichAFitSaysTheLeastErrors) {
-  const std::vector<double> parameters{-40.0, 1.0};
-  const ToneAdvice advice = advise_tones(two_tones(parameters), 1, 1);
+  const std::vector<double> parameters{-40.0, 1.0, 5.0, 0.5};
+  const ToneAdvice advice = advise_tones(four_tones(parameters), 1, 4);
   ASSERT_EQ(advice.steps.size(), 1U);
   const ToneAdvice::Step& best = advice.steps[0];
   const FitResult fit = fit_with(best.bin, parameters);
-  for (std::size_t k = 0; k < 2; ++k) {
+  for (std::size_t k = 0; k < parameters.size(); ++k)
     EXPECT_NEAR(best.std_errors[k] / fit.std_errors[k], 1.0, 1e-3) << "parameter " << k;
-    EXPECT_LT(best.std_errors[k], advice.std_errors[k]) << "parameter " << k;
-  }
-  for (const std::uint64_t other : {233, 235, 1347, 1349}) {
+  EXPECT_LT(product(best.std_errors), 0.5 * product(advice.std_errors));
+  for (const std::uint64_t other : {230, 232, 236, 1346, 1350}) {
     const FitResult worse = fit_with(other, parameters);
-    EXPECT_GE(worse.std_errors[0] * worse.std_errors[1] * 1.001, best.std_errors[0] * best.std_errors[1])
-        << other;
+    EXPECT_GE(product(std::span(worse.std_errors).first(4)) * 1.001, product(best.std_errors)) << other;
   }
 }
 
@@ -62,11 +69,11 @@ void expect_refused(const TypicalPixel& pixel, const std::string& why) {
 }
 
 TEST(ToneAdvice, RefusesWhatTellsNothing) {
-  expect_refused(two_tones({-80.0, 1.0}),
+  expect_refused(four_tones({-80.0, 1.0, 5.0, 0.5}),
                  "parameters: a fit of this comb does not come back");  // never touched
-  TypicalPixel silent = two_tones({-40.0, 1.0});
+  TypicalPixel silent = four_tones({-40.0, 1.0, 5.0, 0.5});
   silent.conditions.noise = Noise{0.0, {0.0}};
-  expect_refused(silent, "noise: tells no standard errors");
+  expect_refused(silent, "noise: is none");
 }
 
 }  // namespace

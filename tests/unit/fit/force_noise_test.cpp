@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 #include <random>
+#include <span>
 #include <vector>
 
 #include "fit/hertz.hpp"
@@ -66,19 +67,19 @@ TEST(ThermalForceCovariance, WindowEndIsTheForceThatAFreeDecaySeemsToFeel) {
   Eigen::MatrixXd expected = of_unit * of_unit.transpose();
   for (Eigen::Index i = 0; i < 8; ++i)
     expected(i, i) += thermal_force_density(mode, temperature_k) / window_s;
-  const Eigen::MatrixXd covariance =
-      thermal_force_covariance(cantilever, frequencies_hz, temperature_k, 1.0 / window_s, 1);
+  const Eigen::MatrixXd covariance = thermal_force_covariance(
+      cantilever, frequencies_hz, frequencies_hz.size(), temperature_k, 1.0 / window_s, 1);
   EXPECT_LT((covariance - expected).norm(), 1e-9 * expected.norm());
   // Contiguous windows are one longer window: the ends' share falls as its square, the rest as its length.
-  const Eigen::MatrixXd longer =
-      thermal_force_covariance(cantilever, frequencies_hz, temperature_k, 1.0 / window_s, 4);
+  const Eigen::MatrixXd longer = thermal_force_covariance(cantilever, frequencies_hz, frequencies_hz.size(),
+                                                          temperature_k, 1.0 / window_s, 4);
   EXPECT_NEAR(longer(0, 4), covariance(0, 4) / 16.0, 1e-9 * covariance(0, 4));
 }
 
 TEST(ThermalForceCovariance, IsDiagonalWithOneToneAMode) {
   const std::vector<double> frequencies_hz{117e3, 674e3, 1758e3, 3235e3};
   const Eigen::MatrixXd covariance =
-      thermal_force_covariance(paper_cantilever(), frequencies_hz, 300.0, 500.0, 1);
+      thermal_force_covariance(paper_cantilever(), frequencies_hz, frequencies_hz.size(), 300.0, 500.0, 1);
   for (Eigen::Index i = 0; i < 8; ++i) {
     const double variance =
         500.0 * tip_force_density(paper_cantilever(), frequencies_hz[static_cast<std::size_t>(i / 2)], 300.0);
@@ -111,6 +112,28 @@ class HertzBalance {
     fit_.stiffness_at_tones(derivative);
     return derivative;
   }
+  Eigen::MatrixXd gain() {
+    Eigen::MatrixXd gain(8, static_cast<Eigen::Index>(2 * strong().size()));
+    fit_.gain_at_tones(gain);
+    return gain;
+  }
+  std::span<const std::size_t> strong() const { return harmonics_.strong(); }
+
+  // As forces(), under a further force at a harmonic off the comb; by substitution, which converges here.
+  Eigen::VectorXd forces_under(std::size_t harmonic, Complex force_nn) {
+    for (int round = 0; round < 60; ++round) {
+      balance_.evaluate({-40.0, 1.0}, 1);
+      for (std::size_t n = 0; n < balance_.motion().size(); ++n)
+        balance_.motion()[n] =
+            harmonics_.response()[n] * (balance_.force()[n] + (n == harmonic ? force_nn : 0.0));
+    }
+    Eigen::VectorXd forces(8);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Complex force = balance_.force()[harmonics_.tones()[i]];
+      forces.segment<2>(static_cast<Eigen::Index>(2 * i)) << force.real(), force.imag();
+    }
+    return forces;
+  }
 
  private:
   std::vector<std::uint64_t> bins_{232, 234, 236, 1348};
@@ -137,6 +160,25 @@ TEST(StiffnessAtTones, IsTheDerivativeOfTheModelsForces) {
   }
   // Weakly coupled harmonics do not follow, and derivatives are good to 1e-3.
   EXPECT_LT((stiffness - expected).norm(), 2e-2 * expected.norm());
+}
+
+// What heat does off the comb reaches the tones through the surface.
+TEST(GainAtTones, IsTheDerivativeOfTheModelsForces) {
+  HertzBalance balance;
+  balance.forces({{0.3, -0.2}, {2.0, -36.0}, {-0.1, 0.4}, {1.0, -8.5}});
+  const Eigen::MatrixXd gain = balance.gain();
+  ASSERT_GE(balance.strong().size(), 20U);
+  const double step_nn = 1e-4;
+  Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(8, 40);
+  for (Eigen::Index column = 0; column < expected.cols(); ++column) {
+    const std::size_t harmonic = balance.strong()[static_cast<std::size_t>(column / 2)];
+    if (harmonic == 0 && column % 2 == 1) continue;  // a mean force has no phase
+    const Complex step = column % 2 == 1 ? Complex(0.0, step_nn) : Complex(step_nn, 0.0);
+    expected.col(column) =
+        (balance.forces_under(harmonic, step) - balance.forces_under(harmonic, -step)) / (2.0 * step_nn);
+  }
+  // As above.
+  EXPECT_LT((gain.leftCols(40) - expected).norm(), 2e-2 * expected.norm());
 }
 
 // The detector's noise moves the model's forces too: mostly so where the contact is stiff.

@@ -17,7 +17,7 @@
 namespace combforce {
 namespace {
 
-constexpr std::uint64_t client_bytes = 64 * 1024;
+constexpr std::uint64_t client_bytes = std::uint64_t{64} * 1024;
 
 std::string socket_path() {
   static std::atomic<int> number{0};
