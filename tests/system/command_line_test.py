@@ -46,6 +46,35 @@ class CommandLine(SystemTest):
         self.assertEqual(1, done.returncode)
         self.assertIn(str(socket), done.stderr)
 
+    def test_drive_design_adds_tones_that_sharpen(self):
+        config = self.write("daemon.json", json.dumps(small_instrument()))
+        done = run(COMBFORCE, "drive", "design", "--config", config, "--model", "hertz", "--parameters=-40,1", "--tones",
+                   2, "--reach", 3, "--json", timeout=300)
+        self.assertEqual(0, done.returncode, done.stderr)
+        design = json.loads(done.stdout)
+        self.assertEqual({"surface_position_nm": -40, "contact_strength_gpa_sqrt_nm": 1}, design["parameters"])
+        errors = design["std_errors"]
+        for tone in design["added"]:
+            before, errors = errors, tone["std_errors"]
+            self.assertLess(errors["surface_position_nm"] * errors["contact_strength_gpa_sqrt_nm"],
+                            before["surface_position_nm"] * before["contact_strength_gpa_sqrt_nm"])
+        table = run(COMBFORCE, "drive", "design", "--config", config, "--model", "hertz", "--parameters=-40,1", "--tones",
+                    1, "--reach", 1, timeout=300)
+        self.assertIn("surface_position_nm", table.stdout)
+
+    def test_drive_design_refuses_what_it_cannot_use(self):
+        config = self.write("daemon.json", json.dumps(small_instrument()))
+        foreign = self.write("foreign.json", "{}")
+        for arguments, said in [(["--config", config, "--model", "dmt", "--parameters", "1,2,3"], "3 values, must be 4: surface_position_nm"),
+                                (["--config", config, "--parameters=-40,-1"], "contact_strength_gpa_sqrt_nm is -1"),
+                                (["--config", config, "--parameters=-90,1"], "does not come back"),
+                                (["--config", config, "--model", "spring", "--parameters", "1"], "spring"),
+                                (["--config", foreign, "--parameters=-40,1,5,0.5"], "--sample-rate"),
+                                (["--config", foreign, "--parameters=-40,1,5,0.5", "--sample-rate", 1e6], "/comb: is missing")]:
+            done = run(COMBFORCE, "drive", "design", *arguments, timeout=300)
+            self.assertEqual(3, done.returncode, (arguments, done.stdout))
+            self.assertIn(said, done.stderr)
+
     def test_missing_input_ends_with_3(self):
         missing = self.directory / "none.sigmf-meta"
         for command in [[COMBFORCE, "replay", missing], [COMBFORCED, "--config", missing, "--check-config"]]:
