@@ -21,6 +21,7 @@ FitResult unfitted(FitStatus status, std::size_t parameters_count) {
   result.parameters.fill(unknown);
   result.std_errors.fill(unknown);
   result.quadrature_errors.fill(unknown);
+  result.intervals = unknown_intervals();
   result.correlation.fill(unknown);
   result.alternative_delta_chi2 = unknown;
   result.alternative.fill(unknown);

@@ -25,6 +25,12 @@ enum class FitStatus : std::uint8_t {
   ambiguous  // other parameters explain the pixel as well: see `alternative`
 };
 
+constexpr std::array<std::array<double, 2>, max_parameters> unknown_intervals() {
+  std::array<std::array<double, 2>, max_parameters> intervals{};
+  for (auto& interval : intervals) interval.fill(std::numeric_limits<double>::quiet_NaN());
+  return intervals;
+}
+
 // Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default:
 // as for `not_fitted`.
 struct FitResult {
@@ -35,6 +41,10 @@ struct FitResult {
   double chi2_reduced = 0.0;  // NaN without a noise model or degrees of freedom
   std::array<double, max_parameters> parameters{};
   std::array<double, max_parameters> std_errors{};
+  // Profile intervals, where they were asked for: [lower, upper] at which the least chi^2 over the other
+  // parameters has risen by 1, or the parameter's bound before. 68 % also where the standard errors, their
+  // linear approximation, do not hold. NaN: not known.
+  std::array<std::array<double, 2>, max_parameters> intervals = unknown_intervals();
   // How far the parameters move if the quadrature of the force balance is refined: its own error estimate.
   std::array<double, max_parameters> quadrature_errors{};
   // Strict upper triangle, row by row: (0,1), (0,2), …, (1,2), …

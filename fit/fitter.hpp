@@ -23,6 +23,7 @@ struct FitterSetup {
   std::span<const Bounds> bounds;  // one a parameter
   const Harmonics* harmonics;      // outlives the fitter; null: the paper's fit
   std::uint32_t refine;            // iterations beyond the paper's fit, from each start
+  bool profile_intervals;          // of a refined fit
 };
 
 // Thread-bound. fit() and error() do not allocate.

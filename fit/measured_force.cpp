@@ -113,10 +113,11 @@ void MeasuredForce::add_detector_noise(const Eigen::MatrixXd& stiffness, Eigen::
   }
 }
 
-void MeasuredForce::set(std::span<const std::complex<double>> tip_nm) {
+void MeasuredForce::set(std::span<const std::complex<double>> tip_nm,
+                        std::span<const std::complex<double>> turns) {
   for (std::size_t i = 0; i < forces_.size(); ++i) {
     tip_nm_[i] = tip_nm[i];
-    forces_[i] = inverse_response_[i] * (tip_nm[i] - free_nm_[i]);
+    forces_[i] = inverse_response_[i] * (tip_nm[i] - turns[i] * free_nm_[i]);
   }
 }
 

@@ -20,8 +20,9 @@ class MeasuredForce {
   // covariance_at()).
   explicit MeasuredForce(const FitConditions& conditions, std::span<const double> off_comb_hz = {});
 
-  // Force phasors, nN, of these tip-deflection phasors, nm.
-  void set(std::span<const std::complex<double>> tip_nm);
+  // Force phasors, nN, of these tip-deflection phasors, nm, both with their phases at the time at which those
+  // of the free response are multiplied by `turns`, one a tone.
+  void set(std::span<const std::complex<double>> tip_nm, std::span<const std::complex<double>> turns);
   std::span<const std::complex<double>> phasors() const { return forces_; }
 
   // Variance of each quadrature, nN^2, one a tone, of the engaged measurement; all 0 without a noise model.

@@ -50,7 +50,7 @@ class ModelFitter : public Fitter {
     x_.setZero();
     solver_.options.max_num_iterations = 0;
     solver_.Solve(residuals_, &x_);
-    if (setup.harmonics != nullptr) refined_.emplace(*setup.harmonics, setup.refine);
+    if (setup.harmonics != nullptr) refined_.emplace(*setup.harmonics, setup.refine, setup.profile_intervals);
   }
 
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,

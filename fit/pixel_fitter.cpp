@@ -73,6 +73,15 @@ void validate_weighting(const FitConditions& conditions) {
         "settings.weighting: noise, but noise.temperature_k and detector noise are 0");
 }
 
+void validate_intervals(const FitConditions& conditions) {
+  if (!conditions.settings.profile_intervals) return;
+  if (conditions.settings.refine == 0)
+    throw std::invalid_argument(
+        "settings.profile_intervals: true, but settings.refine is 0, must be at least 1");
+  if (!conditions.noise)
+    throw std::invalid_argument("settings.profile_intervals: true, but conditions.noise is missing");
+}
+
 double spacing_hz(const FitConditions& conditions) {
   return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
 }
@@ -99,12 +108,14 @@ void validate(const FitConditions& conditions) {
   validate_bounds(conditions.settings);
   if (conditions.settings.tip) validate(*conditions.settings.tip);
   validate_weighting(conditions);
+  validate_intervals(conditions);
 }
 
 class PixelFitter::State {
  public:
   explicit State(const FitConditions& conditions)
-      : model_(&find_model(conditions.settings.model)),
+      : comb_(conditions.comb),
+        model_(&find_model(conditions.settings.model)),
         tones_(conditions.comb.tones.size()),
         refers_(conditions.free_response.has_value()),
         harmonics_(harmonics_of(conditions)),
@@ -114,9 +125,12 @@ class PixelFitter::State {
         weights_(weights_of(conditions, measured_)),
         whitening_(whitening(measured_, weights_)),
         ones_(tones_, 1.0),
+        turns_(tones_),
+        tip_nm_(tones_),
         last_(tones_) {}
 
-  void fit(std::span<const std::complex<double>> tip_nm, std::span<const double> start, FitResult& result) {
+  void fit(std::span<const std::complex<double>> tip_nm, std::uint64_t first_sample,
+           std::span<const double> start, FitResult& result) {
     const std::size_t count = model_->parameters.size();
     require_tones(tip_nm);
     if (!refers_) {
@@ -127,14 +141,14 @@ class PixelFitter::State {
       result = unfitted(FitStatus::not_converged, count);
       return;
     }
-    measured_.set(tip_nm);
+    begin_at(first_sample, tip_nm);
     if (!measured_.contact()) {
       result = unfitted(FitStatus::no_contact, count);
     } else if (std::ranges::all_of(tip_nm, [](std::complex<double> d) { return d == 0.0; })) {
       result = unfitted(FitStatus::not_converged, count);
     } else {
-      set_motion(tip_nm);
-      fitter_->fit(measured_, tip_nm, weights_, whitening_, start, result);
+      set_motion(tip_nm_);
+      fitter_->fit(measured_, tip_nm_, weights_, whitening_, start, result);
       return;
     }
     result.virial_nn_nm = measured_.virial_nn_nm();
@@ -143,8 +157,8 @@ class PixelFitter::State {
 
   double error(std::span<const std::complex<double>> tip_nm, std::span<const double> parameters) {
     require_tones(tip_nm);
-    measured_.set(tip_nm);
-    set_motion(tip_nm);
+    begin_at(0, tip_nm);
+    set_motion(tip_nm_);
     return fitter_->error(measured_, ones_, parameters);
   }
 
@@ -160,7 +174,8 @@ class PixelFitter::State {
 
   std::unique_ptr<Fitter> fitter_of(const FitSettings& settings) {
     const std::vector<Bounds> bounds = bounds_of(settings);
-    const FitterSetup setup{balance_, tones_, bounds, harmonics_.get(), settings.refine};
+    const FitterSetup setup{balance_,         tones_,          bounds,
+                            harmonics_.get(), settings.refine, settings.profile_intervals};
     return visit_model(*model_, [&](auto type) { return make_fitter<decltype(type)>(setup); });
   }
 
@@ -204,6 +219,16 @@ class PixelFitter::State {
       throw std::invalid_argument(fmt::format("tip_nm: {} values for {} tones", tip_nm.size(), tones_));
   }
 
+  // The noise model has the window begin at time 0.
+  void begin_at(std::uint64_t first_sample, std::span<const std::complex<double>> tip_nm) {
+    for (std::size_t i = 0; i < tones_; ++i) {
+      const std::uint64_t index = phase_index(comb_.tones[i].bin, first_sample, comb_.window_samples);
+      turns_[i] = std::polar(1.0, phase_radians(index, comb_.window_samples));
+      tip_nm_[i] = turns_[i] * tip_nm[i];
+    }
+    measured_.set(tip_nm_, turns_);
+  }
+
   // Maps of E ask for one motion again and again.
   void set_motion(std::span<const std::complex<double>> tip_nm) {
     if (std::ranges::equal(tip_nm, last_)) return;
@@ -211,6 +236,7 @@ class PixelFitter::State {
     std::ranges::copy(tip_nm, last_.begin());
   }
 
+  Comb comb_;
   const ModelInfo* model_;
   std::size_t tones_;
   bool refers_;
@@ -221,7 +247,8 @@ class PixelFitter::State {
   std::vector<double> weights_;
   Whitening whitening_;
   std::vector<double> ones_;
-  std::vector<std::complex<double>> last_;  // tones of the motion in balance_; all 0 at first
+  std::vector<std::complex<double>> turns_, tip_nm_;  // of the pixel, from sample 0 to its first and there
+  std::vector<std::complex<double>> last_;            // tones of the motion in balance_; all 0 at first
 };
 
 PixelFitter::PixelFitter(const FitConditions& conditions) {
@@ -232,8 +259,9 @@ PixelFitter::~PixelFitter() = default;
 PixelFitter::PixelFitter(PixelFitter&&) noexcept = default;
 PixelFitter& PixelFitter::operator=(PixelFitter&&) noexcept = default;
 
-void PixelFitter::fit(std::span<const std::complex<double>> tip_nm, FitResult& result) {
-  state_->fit(tip_nm, {}, result);
+void PixelFitter::fit(std::span<const std::complex<double>> tip_nm, FitResult& result,
+                      std::uint64_t first_sample) {
+  state_->fit(tip_nm, first_sample, {}, result);
 }
 
 void PixelFitter::fit_from(std::span<const std::complex<double>> tip_nm, std::span<const double> start,
@@ -241,7 +269,7 @@ void PixelFitter::fit_from(std::span<const std::complex<double>> tip_nm, std::sp
   if (start.size() != model().parameters.size())
     throw std::invalid_argument(fmt::format("start: {} values, but model {} has {}", start.size(),
                                             model().name, model().parameters.size()));
-  state_->fit(tip_nm, start, result);
+  state_->fit(tip_nm, 0, start, result);
 }
 
 double PixelFitter::error(std::span<const std::complex<double>> tip_nm, std::span<const double> parameters) {

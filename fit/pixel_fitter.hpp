@@ -5,6 +5,7 @@
 
 #include <array>
 #include <complex>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -37,6 +38,8 @@ struct FitSettings {
   // none: E as the paper has it (equation 9). A refined fit always whitens by the noise's covariance
   // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;
+  // Of a refined fit with noise: FitResult::intervals too, some ten times the work of the fit.
+  bool profile_intervals = false;
   std::vector<ParameterBounds> bounds;  // override the model's own
   // From which material parameters follow; does not change the fit.
   std::optional<TipGeometry> tip = std::nullopt;
@@ -68,8 +71,9 @@ class PixelFitter {
   PixelFitter(PixelFitter&&) noexcept;
   PixelFitter& operator=(PixelFitter&&) noexcept;
 
-  // `tip_nm`: tip-deflection peak phasors, one a tone of the comb, phase at stream sample 0.
-  void fit(std::span<const std::complex<double>> tip_nm, FitResult& result);
+  // `tip_nm`: tip-deflection peak phasors, one a tone of the comb, phase at stream sample 0. `first_sample`:
+  // of the analysed windows: the noise of tones near one resonance depends on where a window begins.
+  void fit(std::span<const std::complex<double>> tip_nm, FitResult& result, std::uint64_t first_sample = 0);
 
   // As fit(), but from these parameters instead of the measured turning point (error maps, studies).
   void fit_from(std::span<const std::complex<double>> tip_nm, std::span<const double> start,

@@ -32,8 +32,9 @@ class RefinedFit {
   using Parameters = std::array<double, Model::parameters>;
 
   // `most`: iterations from each start, at least 1. `harmonics` outlives the fit.
-  RefinedFit(const Harmonics& harmonics, std::uint32_t most)
-      : balance_(harmonics),
+  RefinedFit(const Harmonics& harmonics, std::uint32_t most, bool profile_intervals)
+      : profile_intervals_(profile_intervals),
+        balance_(harmonics),
         fit_(balance_),
         loosened_(balance_),
         doubling_(balance_),
@@ -45,6 +46,7 @@ class RefinedFit {
         gain_(rows_, static_cast<Eigen::Index>(2 * harmonics.strong().size())),
         covariance_(rows_, rows_),
         root_(rows_, rows_),
+        best_root_(rows_, rows_),
         factor_(rows_),
         ones_(harmonics.tones().size(), 1.0) {}
 
@@ -79,6 +81,7 @@ class RefinedFit {
     // Costs are chi^2 when the weights come from noise.
     if (measured.noise_known() && other.converged)
       report_alternative(other.p, other.cost - best.cost, result);
+    if (profile_intervals_ && whitening.by_noise && best.converged) profile(bounds, best, result);
   }
 
  private:
@@ -90,7 +93,10 @@ class RefinedFit {
   // Of 61 pixels of intermodulation half needed none of these, all but one at most 16.
   static constexpr std::array loosenesses{10.0, 100.0};
   static constexpr std::size_t most_loosened = 20;
-  static constexpr double ill_conditioned_error = 0.3;        // relative standard error
+  static constexpr double ill_conditioned_error = 0.3;  // relative standard error
+  static constexpr int most_profile_trials = 8;
+  static constexpr double profile_tolerance = 0.01;  // of a standard error
+  static constexpr double held_share = 1e-9;
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
 
   // From a start and no motion off the comb.
@@ -124,6 +130,7 @@ class RefinedFit {
     if (best.converged && !same(solution, best)) other = best;
     best = solution;
     jacobian_ = fit_.jacobian();
+    best_root_ = balance_.whitening();
     off_comb_ = fit_.off_comb_exchange();
     lasting_ = !doubling_.branches_off();
     estimate_quadrature_error(best, result);
@@ -139,6 +146,48 @@ class RefinedFit {
     root_ = factor_.matrixL();
     balance_.set_whitening(root_);
     return true;
+  }
+
+  // Both ends of every parameter's interval. Uses up what fit_ and balance_ hold.
+  void profile(std::span<const Bounds> bounds, const Solution& best, FitResult& result) {
+    balance_.set_whitening(best_root_);
+    for (std::size_t k = 0; k < Model::parameters; ++k)
+      for (const double side : {-1.0, 1.0})
+        result.intervals[k][side < 0.0 ? 0 : 1] = profile_end(bounds, best, k, side, result);
+    balance_.set_bounds(bounds);
+  }
+
+  // Where the root of the rise of chi^2, which is nearly linear, is 1. NaN when it is not found.
+  double profile_end(std::span<const Bounds> bounds, const Solution& best, std::size_t k, double side,
+                     FitResult& result) {
+    const double end = side < 0.0 ? bounds[k].lower : bounds[k].upper;
+    double away = side * result.std_errors[k];
+    if (!(std::abs(away) > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+    for (int trial = 0; trial < most_profile_trials; ++trial) {
+      const bool beyond = !(side * (best.p[k] + away) < side * end);
+      if (beyond) away = end - best.p[k];
+      const double rise = profiled_cost(bounds, best, k, away, result) - best.cost;
+      const double root = std::sqrt(rise);
+      if (std::abs(root - 1.0) <= profile_tolerance || (beyond && root < 1.0)) return best.p[k] + away;
+      away /= root;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+
+  // The least cost with parameter k held `away` from its best.
+  double profiled_cost(std::span<const Bounds> bounds, const Solution& best, std::size_t k, double away,
+                       FitResult& result) {
+    std::array<Bounds, Model::parameters> held;
+    std::ranges::copy(bounds, held.begin());
+    Parameters start = best.p;
+    start[k] += away;
+    const double width = held_share * std::max(std::abs(start[k]), std::abs(away));
+    held[k] = {start[k] - width, start[k] + width};
+    balance_.set_bounds(held);
+    std::ranges::fill(balance_.motion(), 0.0);
+    const Solution solution = fit_.solve(start, quadrature_level, most_);
+    result.iterations += solution.iterations;
+    return solution.converged ? solution.cost : std::numeric_limits<double>::quiet_NaN();
   }
 
   bool estimate(const MeasuredForce& measured, const Whitening& whitening, const Solution& best,
@@ -198,6 +247,7 @@ class RefinedFit {
     return static_cast<std::size_t>(std::ranges::count(solution.fixed, false));
   }
 
+  bool profile_intervals_;
   HarmonicBalance<Model> balance_;
   SelfConsistentFit<Model> fit_;
   LoosenedBalance<Model> loosened_;
@@ -206,7 +256,7 @@ class RefinedFit {
   Eigen::Index rows_;
   Eigen::MatrixXd jacobian_;  // whitened, of the best solution
   Eigen::VectorXd shift_;
-  Eigen::MatrixXd stiffness_, gain_, covariance_, root_;
+  Eigen::MatrixXd stiffness_, gain_, covariance_, root_, best_root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;

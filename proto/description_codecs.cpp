@@ -249,7 +249,7 @@ Noise decode_noise(const JsonView& view, UnknownKeys unknown) {
 }
 
 FitSettings decode_fit(const JsonView& view, UnknownKeys unknown) {
-  check_keys(view, unknown, {"model", "refine", "weighting", "bounds", "tip"});
+  check_keys(view, unknown, {"model", "refine", "weighting", "profile_intervals", "bounds", "tip"});
   constexpr std::uint64_t most_refinements = 100;
   FitSettings fit;
   if (const auto model = view.find("model")) fit.model = model->string();
@@ -263,6 +263,7 @@ FitSettings decode_fit(const JsonView& view, UnknownKeys unknown) {
     fit.refine = static_cast<unsigned>(refine->integer(0, most_refinements));
   if (const auto weighting = view.find("weighting"))
     fit.weighting = static_cast<Weighting>(weighting->one_of(weighting_names));
+  if (const auto intervals = view.find("profile_intervals")) fit.profile_intervals = intervals->boolean();
   if (const auto bounds = view.find("bounds")) {
     bounds->find("");  // fails unless it is an object
     for (const auto& member : bounds->json().items())
@@ -358,6 +359,7 @@ Json encode(const FitSettings& fit) {
   Json object{{"model", fit.model},
               {"refine", fit.refine},
               {"weighting", name_of(weighting_names, fit.weighting)},
+              {"profile_intervals", fit.profile_intervals},
               {"bounds", std::move(bounds)}};
   if (fit.tip) object["tip"] = encode_tip(*fit.tip);
   return object;

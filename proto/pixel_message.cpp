@@ -101,6 +101,18 @@ void append_by_parameter(std::string& out, const ModelInfo& model, std::span<con
   out += '}';
 }
 
+// "intervals": {"parameter": [lower, upper], …}.
+void append_intervals(std::string& out, const ModelInfo& model,
+                      std::span<const std::array<double, 2>> intervals) {
+  out += R"(,"intervals":{)";
+  for (std::size_t i = 0; i < intervals.size(); ++i) {
+    append(out, R"({}"{}":[)", i > 0 ? "," : "", model.parameters[i].name);
+    append_list(out, intervals[i], [&](double end) { append_number(out, end); });
+    out += ']';
+  }
+  out += '}';
+}
+
 void append_material(std::string& out, const MaterialParameters& material) {
   out += R"(,"material":{)";
   bool first = true;
@@ -127,6 +139,8 @@ void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit, 
   append_by_parameter(out, *model, {fit.parameters.data(), count});
   out += R"(,"std_errors":)";
   append_by_parameter(out, *model, {fit.std_errors.data(), count});
+  if (std::ranges::any_of(fit.intervals, [](const auto& ends) { return !nothing_known(ends); }))
+    append_intervals(out, *model, {fit.intervals.data(), count});
   out += R"(,"correlation":)";
   const std::span<const double> correlation(fit.correlation.data(),
                                             count * (count - (count > 0 ? 1 : 0)) / 2);

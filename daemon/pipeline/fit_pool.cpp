@@ -43,7 +43,7 @@ void FitPool::work(unsigned index) {
       taken_.fetch_add(1);
       taken_.notify_one();
       OutputSlot& slot = slots_.at(slot_index);
-      slot.stage->fitters[index].fit(slot.tones(), slot.fit);
+      slot.stage->fitters[index].fit(slot.tones(), slot.fit, slot.pixel.span.analysis_first);
       slots_.complete(slot_index);
     }
     if (ending_.load()) {

@@ -206,18 +206,20 @@ void add_model(RpcTable& table, Instrument& instrument) {
                const auto fit = instrument.description().fit;
                return {{"models", encode_models()}, {"fit", fit ? encode(*fit) : Json(nullptr)}};
              })});
-  table.add({"model.set", "Another fit, from the next pixel on; what is absent takes its default.",
-             object_schema({{"model", {{"type", "string"}, {"enum", model_names()}}},
-                            {"refine", integer(0, max_u32, "0: the paper's partial motion")},
-                            {"weighting", names({"none", "noise"}, "of the residuals")},
-                            {"bounds", typed("object", "{parameter: [lower, upper]}")},
-                            {"tip", typed("object", "its geometry, for material parameters")}},
-                           {"model"}),
-             any_object(), RpcHandler([&instrument](const JsonView& params, Subscriptions&) {
-               const FitSettings fit = decode_fit(params);
-               instrument.set_fit(fit);
-               return encode(fit);
-             })});
+  table.add(
+      {"model.set", "Another fit, from the next pixel on; what is absent takes its default.",
+       object_schema({{"model", {{"type", "string"}, {"enum", model_names()}}},
+                      {"refine", integer(0, max_u32, "0: the paper's partial motion")},
+                      {"weighting", names({"none", "noise"}, "of the residuals")},
+                      {"profile_intervals", typed("boolean", "of refined fits, beside standard errors")},
+                      {"bounds", typed("object", "{parameter: [lower, upper]}")},
+                      {"tip", typed("object", "its geometry, for material parameters")}},
+                     {"model"}),
+       any_object(), RpcHandler([&instrument](const JsonView& params, Subscriptions&) {
+         const FitSettings fit = decode_fit(params);
+         instrument.set_fit(fit);
+         return encode(fit);
+       })});
 }
 
 void set_topics(const JsonView& list, Subscriptions& caller, bool on) {

@@ -182,6 +182,72 @@ TEST(RefinedFit, IsAPureFunctionAndDoesNotAllocate) {
   EXPECT_EQ(result.iterations, expected.iterations);
 }
 
+// With one parameter held at an end of its interval, and the others free, chi^2 is 1 above its least.
+TEST(RefinedFit, ProfilesRiseByOneAtTheEndsOfTheIntervals) {
+  const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
+  const std::vector<double> truth{-40.0, 1.0, 5.0, 0.5};
+  const auto tones = pixels.tones("dmt", truth);
+  ASSERT_TRUE(tones);
+  FitConditions conditions = pixels.conditions("dmt", refine);
+  conditions.settings.profile_intervals = true;
+  FitResult result;
+  PixelFitter(conditions).fit(*tones, result);
+  conditions.settings.profile_intervals = false;
+  const auto parameters = find_model("dmt").parameters;
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    EXPECT_LT(result.intervals[k][0], truth[k]) << k;
+    EXPECT_GT(result.intervals[k][1], truth[k]) << k;
+    for (const double end : result.intervals[k]) {
+      const double width = 1e-6 * std::abs(end);
+      conditions.settings.bounds = {{std::string(parameters[k].name), end - width, end + width}};
+      FitResult held;
+      PixelFitter(conditions).fit(*tones, held);
+      // Of 8 residuals 3 parameters; the noise is whitened where the held fit ends: some percent apart.
+      EXPECT_NEAR(held.chi2_reduced * 5.0, 1.0, 0.1) << parameters[k].name << " at " << end;
+    }
+  }
+}
+
+TEST(RefinedFit, HasNoIntervalsUnlessAsked) {
+  const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348});
+  const auto tones = pixels.tones("hertz", {-40.0, 1.0});
+  ASSERT_TRUE(tones);
+  FitResult result;
+  PixelFitter(pixels.conditions("hertz", refine)).fit(*tones, result);
+  EXPECT_TRUE(std::isnan(result.intervals[0][0]));
+  FitConditions conditions = pixels.conditions("hertz", 0);
+  conditions.settings.profile_intervals = true;
+  EXPECT_THROW(PixelFitter{conditions}, std::invalid_argument);
+}
+
+// The same motion, and the same noise, in a window that begins in the middle of a period.
+TEST(RefinedFit, DoesNotDependOnWhereTheWindowBegins) {
+  SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
+  pixels.bins = {232, 234, 236, 1348, 3516, 6470};
+  const auto tones = pixels.tones("dmt", {-40.0, 1.0, 5.0, 0.5});
+  ASSERT_TRUE(tones);
+  FitConditions conditions = pixels.conditions("dmt", refine);
+  FitResult expected, result;
+  PixelFitter(conditions).fit(*tones, expected);
+  const std::uint64_t first_sample = 1'234'567'890'123;
+  Phasors later = *tones;  // as they are when time 0 lies so much earlier
+  for (std::size_t i = 0; i < later.size(); ++i) {
+    const auto back = std::polar(
+        1.0, -phase_radians(phase_index(pixels.bins[i], first_sample, SimulatedPixels::window_samples),
+                            SimulatedPixels::window_samples));
+    later[i] *= back;
+    conditions.free_response->mean_nm[i] *= back;
+  }
+  PixelFitter fitter(conditions);
+  fitter.fit(later, result, first_sample);
+  for (std::size_t k = 0; k < expected.parameters_count; ++k) {
+    EXPECT_NEAR(result.parameters[k] / expected.parameters[k], 1.0, 1e-5) << k;
+    EXPECT_NEAR(result.std_errors[k] / expected.std_errors[k], 1.0, 1e-4) << k;
+  }
+  fitter.fit(later, result);  // as if it began at sample 0: other correlations, other errors
+  EXPECT_GT(std::abs(result.std_errors[0] / expected.std_errors[0] - 1.0), 1e-2);
+}
+
 // Only relative weights matter for the parameters; what needs the noise is unknown.
 TEST(RefinedFit, WorksWithoutANoiseModel) {
   const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);

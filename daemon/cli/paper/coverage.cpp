@@ -55,7 +55,7 @@ template <typename Model>
 std::vector<double> bound_of(const FitConditions& conditions, const Phasors& tip_nm,
                              std::span<const double> truth) {
   MeasuredForce measured(conditions);
-  measured.set(tip_nm);
+  measured.set(tip_nm, Phasors(tip_nm.size(), 1.0));
   const Harmonics harmonics(conditions.comb, conditions.cantilever, delta_f_hz);
   HarmonicBalance<Model> balance(harmonics);
   SelfConsistentFit<Model> fit(balance);

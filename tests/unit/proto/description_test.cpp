@@ -26,7 +26,7 @@ constexpr auto complete = R"({
   "afm:scan": {"lines": 64, "columns": 32, "pixel_samples": 16000, "settle_samples": 8000, "windows": 1,
     "bidirectional": true, "size_nm": [1000.0, 500.0]},
   "afm:noise": {"temperature_k": 300.0, "detector_nm_per_sqrt_hz": [1e-4, 2e-4]},
-  "afm:fit": {"model": "dmt", "refine": 2, "weighting": "noise", "bounds": {"adhesion_nn": [0.0, 20.0]}}
+  "afm:fit": {"model": "dmt", "refine": 2, "weighting": "noise", "profile_intervals": true, "bounds": {"adhesion_nn": [0.0, 20.0]}}
 })";
 
 template <typename Decode>
@@ -214,6 +214,7 @@ TEST(Description, RefusesBadScansNoiseAndFits) {
   expect_refused(decode_fit, {{R"({"model": "jkr"})", "/model", "dmt"},
                               {R"({"refine": 1.5})", "/refine", "integer"},
                               {R"({"weighting": "x"})", "/weighting", "must be one of"},
+                              {R"({"profile_intervals": 1})", "/profile_intervals", "must be true or false"},
                               {R"({"bounds": []})", "/bounds", "must be an object"},
                               {R"({"model": "hertz", "bounds": {"adhesion_nn": [0, 1]}})",
                                "/bounds/adhesion_nn", "hertz"},

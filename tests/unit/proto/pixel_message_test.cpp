@@ -100,6 +100,15 @@ TEST_F(PixelMessageTest, KeepsKnownValuesBesideUnknownOnes) {
   EXPECT_TRUE(json["correlation"].is_null());
 }
 
+TEST_F(PixelMessageTest, HasIntervalsWhereTheyAreKnown) {
+  fit.intervals[0] = {-40.25, -39.5};
+  fit.intervals[3] = {0.25, nan};
+  const Json json = Json::parse(line(PixelFields::fit))["params"]["fit"];
+  EXPECT_EQ(json["intervals"].dump(),
+            R"({"surface_position_nm":[-40.25,-39.5],"contact_strength_gpa_sqrt_nm":[null,null],)"
+            R"("adhesion_nn":[null,null],"contact_distance_nm":[0.25,null]})");
+}
+
 TEST_F(PixelMessageTest, SaysOnlyTheStatusWithoutAModel) {
   model = nullptr;
   fit = unfitted(FitStatus::no_free_response, 0);
