@@ -19,8 +19,8 @@ enum class FitStatus : std::uint8_t {
   no_free_response,  // nothing to refer a force to: parameters NaN
   not_fitted,        // the pool was full: parameters NaN; refit from the recording
   flagged,           // the pixel carries a flag: parameters NaN
-  // Parameters to be distrusted: chi^2 says that the model does not explain the pixel, or a refined fit that
-  // the tip's motion has twice the period of the comb.
+  // Parameters to be distrusted: chi^2 says that the model does not explain the pixel; or, with noise known
+  // or not, the motion that a refined fit found would not last but double its period (period_doubling.hpp).
   misfit,
   ambiguous  // other parameters explain the pixel as well: see `alternative`
 };

@@ -63,14 +63,6 @@ void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<co
   all_hz.insert(all_hz.end(), off_comb_hz.begin(), off_comb_hz.end());
   thermal_ = thermal_force_covariance(conditions.cantilever, all_hz, frequencies_hz.size(),
                                       conditions.noise->temperature_k, delta_f_hz, conditions.windows);
-  for (std::size_t i = 0; i < all_hz.size(); ++i) {
-    if (all_hz[i] > 0.0) continue;
-    const auto re = static_cast<Eigen::Index>(2 * i);
-    thermal_.row(re) *= std::numbers::sqrt2 / 2.0;
-    thermal_.col(re) *= std::numbers::sqrt2 / 2.0;
-    thermal_.row(re + 1).setZero();
-    thermal_.col(re + 1).setZero();
-  }
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
     const double density = detector_density(*conditions.noise, i);
     detector_variances_[i] = density * density * delta_f_hz / conditions.windows;
@@ -86,10 +78,10 @@ void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, const Eigen:
   for (Eigen::Index k = 0; k < rows; ++k)
     for (Eigen::Index l = 0; l < rows; ++l)
       covariance(k, l) +=
-          gain.row(l).dot(thermal_.row(k).tail(others)) + gain.row(k).dot(thermal_.row(l).tail(others));
+          gain.row(l).dot(thermal_.col(k).tail(others)) + gain.row(k).dot(thermal_.col(l).tail(others));
   for (Eigen::Index o = 0; o < others; ++o)
     for (Eigen::Index l = 0; l < rows; ++l) {
-      const double reached = gain.row(l).dot(thermal_.row(rows + o).tail(others));
+      const double reached = gain.row(l).dot(thermal_.col(rows + o).tail(others));
       for (Eigen::Index k = 0; k < rows; ++k) covariance(k, l) += gain(k, o) * reached;
     }
   add_detector_noise(stiffness, covariance);

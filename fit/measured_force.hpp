@@ -17,7 +17,7 @@ class MeasuredForce {
  public:
   // Conditions are valid and have a free response.
   // `off_comb_hz`: further frequencies whose thermal forces reach the tones through the surface (see
-  // covariance_at()).
+  // covariance_at()); 0 is the mean.
   explicit MeasuredForce(const FitConditions& conditions, std::span<const double> off_comb_hz = {});
 
   // Force phasors, nN, of these tip-deflection phasors, nm, both with their phases at the time at which those
@@ -33,10 +33,11 @@ class MeasuredForce {
   // measurement alone: through chi^-1. All 0 without a noise model.
   const Eigen::MatrixXd& covariance() const { return covariance_; }
   // The same of the difference between a model's forces and the measured ones, by what small motion and small
-  // forces do to the model's forces, rows (re, im) of every tone; does not allocate.
-  // `stiffness`: dF_model/dd, nN/nm, by (re, im) of every tone's motion: the detector's noise is taken for
-  // motion and enters both, through `stiffness` - chi^-1. `gain`: dF_model/dF by (re, im) of a force at every
-  // frequency off the comb: what heat moves there is not measured, and not in the model.
+  // forces do to the model's forces, rows (re, im) of every tone. Noise must be known; does not allocate.
+  // `stiffness`, rows x rows: dF_model/dd, nN/nm, by (re, im) of every tone's motion: the detector's noise is
+  // taken for motion and enters both, through `stiffness` - chi^-1. `gain`, rows x twice the frequencies off
+  // the comb: dF_model/dF by (re, im) of a force at each, in their order: what heat moves there is not
+  // measured, and not in the model.
   void covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& gain,
                      Eigen::MatrixXd& covariance) const;
 

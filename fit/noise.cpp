@@ -33,8 +33,9 @@ void add_window_end(const Cantilever& cantilever, std::size_t index, std::span<c
       engaged_spread * std::sqrt(2.0 * boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m);
   Eigen::MatrixX2d ends(covariance.rows(), 2);  // forces of standard deviations of dq and of dv
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
+    const double of_mean = frequencies_hz[i] == 0.0 ? 0.5 : 1.0;  // 1/T in place of a peak phasor's 2/T
     const std::complex<double> share =
-        mode_response(mode, frequencies_hz[i]) / tip_response(cantilever, frequencies_hz[i]) * 2.0 *
+        of_mean * mode_response(mode, frequencies_hz[i]) / tip_response(cantilever, frequencies_hz[i]) * 2.0 *
         mode.stiffness_n_per_m * windows_per_s / (w_mode * w_mode) * position_nm;
     const std::complex<double> of_position =
         share * std::complex(w_mode / mode.quality_factor, 2.0 * std::numbers::pi * frequencies_hz[i]);
@@ -42,6 +43,7 @@ void add_window_end(const Cantilever& cantilever, std::size_t index, std::span<c
     const auto row = static_cast<Eigen::Index>(2 * i);
     ends.row(row) << of_position.real(), of_velocity.real();
     ends.row(row + 1) << of_position.imag(), of_velocity.imag();
+    if (frequencies_hz[i] == 0.0) ends.row(row + 1).setZero();
   }
   covariance += ends * ends.transpose();
 }
@@ -96,8 +98,11 @@ Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span
   std::vector<std::size_t> measured_modes;
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(2 * i);
-    covariance(row, row) = covariance(row + 1, row + 1) =
+    const double variance =
         tip_force_density(cantilever, frequencies_hz[i], temperature_k) * delta_f_hz / windows;
+    const bool mean = frequencies_hz[i] == 0.0;
+    covariance(row, row) = mean ? 0.5 * variance : variance;
+    covariance(row + 1, row + 1) = mean ? 0.0 : variance;
     if (i < tones) measured_modes.push_back(noisiest_mode(cantilever, frequencies_hz[i]));
   }
   for (std::size_t m = 0; m < cantilever.modes.size(); ++m)

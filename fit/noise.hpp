@@ -38,7 +38,7 @@ double force_quadrature_variance(const Cantilever& cantilever, const Noise& nois
 double detector_density(const Noise& noise, std::size_t tone);
 
 // Covariance of the thermal force phasors at these frequencies, rows (re, im) of each, nN^2; the first
-// `tones` of them are measured.
+// `tones` of them are measured. Frequency 0 is the mean force, with no imaginary part.
 //
 // On the diagonal tip_force_density * Delta f / windows. Besides, a window of length T ends in another state
 // of a mode than it began in, and the change (dq, dv) of its position and velocity appears as a force

@@ -4,7 +4,8 @@
 // A small motion u half a spacing above the harmonics obeys (1 - chi G) u = 0, G the spectrum of F'(d(t)).
 // The determinant is 1 without a force and changes sign where the motion of twice the period branches off
 // (Hill's determinant at the multiplier -1: Nayfeh and Balachandran, Applied Nonlinear Dynamics, 1995, 3.3).
-// It is taken over the most compliant of these frequencies.
+// It is taken over the most compliant of these frequencies. A second branch restores the sign, and other ways
+// to lose stability do not show.
 #pragma once
 
 #include <Eigen/Core>

@@ -60,6 +60,7 @@ class RefinedFit {
     balance_.set_bounds(bounds);
     balance_.set_measured(tones, measured.phasors());
     Solution best, other;
+    lasting_ = true;
     for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
     for (const Parameters& start : further)
       if (!explains(measured, best)) try_start(start, measured, whitening, best, other, result);
@@ -123,20 +124,23 @@ class RefinedFit {
       solution = fit_.solve(solution.p, quadrature_level, most_);
       result.iterations += solution.iterations;
     }
-    if (!better(solution, best)) {
-      if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
+    const bool lasts = !solution.converged || !better(solution, best) || !doubling_.branches_off();
+    if (!better(solution, best) || (best.converged && lasting_ && !lasts)) {
+      if (lasts && solution.converged && !same(solution, best) && solution.cost < other.cost)
+        other = solution;
       return;
     }
-    if (best.converged && !same(solution, best)) other = best;
+    if (best.converged && lasting_ && !same(solution, best)) other = best;
     best = solution;
+    lasting_ = lasts;
     jacobian_ = fit_.jacobian();
     best_root_ = balance_.whitening();
     off_comb_ = fit_.off_comb_exchange();
-    lasting_ = !doubling_.branches_off();
     estimate_quadrature_error(best, result);
   }
 
-  // What the detector's noise does depends on how the surface answers to the motion that it feigns.
+  // What noise does depends on how the surface answers: to the motion that the detector feigns, and to what
+  // heat does off the comb.
   bool whiten_at_solution(const MeasuredForce& measured) {
     fit_.stiffness_at_tones(stiffness_);
     fit_.gain_at_tones(gain_);
@@ -202,7 +206,7 @@ class RefinedFit {
   // Converged inside the bounds, with a plausible chi^2 where the noise is known.
   bool explains(const MeasuredForce& measured, const Solution& solution) const {
     const auto degrees = static_cast<double>(rows_) - static_cast<double>(Model::parameters);
-    return solution.converged && count_free(solution) == Model::parameters &&
+    return solution.converged && lasting_ && count_free(solution) == Model::parameters &&
            !measured.misfit(solution.cost / degrees, Model::parameters, misfit_deviate);
   }
 
@@ -211,8 +215,10 @@ class RefinedFit {
     return !best.converged || best.cost > LoosenedBalance<Model>::explained * balance_.measured_square();
   }
 
-  static bool better(const Solution& a, const Solution& b) {
-    return a.converged != b.converged ? a.converged : a.cost < b.cost;
+  // A motion that does not last is only the best where no other was found.
+  bool better(const Solution& solution, const Solution& best) const {
+    if (solution.converged != best.converged) return solution.converged;
+    return solution.cost < best.cost || (best.converged && !lasting_);
   }
   static bool same(const Solution& a, const Solution& b) {
     for (std::size_t k = 0; k < Model::parameters; ++k)
@@ -260,7 +266,7 @@ class RefinedFit {
   Eigen::LLT<Eigen::MatrixXd> factor_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;
-  bool lasting_ = true;
+  bool lasting_ = true;  // of the best solution
 };
 
 }  // namespace combforce

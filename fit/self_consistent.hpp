@@ -138,7 +138,7 @@ class SelfConsistentFit {
   }
 
   // Of the last solution, when it converged: dF_model/dF at the tones, by (re, im) of a force at every strong
-  // harmonic off the comb. rows x unknowns.
+  // harmonic off the comb, the motion following at these. rows x twice as many as these.
   void gain_at_tones(Eigen::MatrixXd& gain) {
     const auto& strong = harmonics_->strong();
     balance_->couple(harmonics_->tones(), strong, gain);

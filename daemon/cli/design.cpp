@@ -58,7 +58,9 @@ std::vector<std::complex<double>> forces_of(const FreeResponse& free, const FitC
   return forces;
 }
 
-void check_parameters(const std::vector<double>& parameters, const ModelInfo& model) {
+// In the bounds of the fit.
+void check_parameters(const std::vector<double>& parameters, const FitSettings& fit) {
+  const ModelInfo& model = find_model(fit.model);
   std::string names;
   for (const ParameterInfo& info : model.parameters)
     names += fmt::format("{}{}", names.empty() ? "" : ",", info.name);
@@ -67,10 +69,34 @@ void check_parameters(const std::vector<double>& parameters, const ModelInfo& mo
                                             model.parameters.size(), names));
   for (std::size_t k = 0; k < parameters.size(); ++k) {
     const ParameterInfo& info = model.parameters[k];
-    if (!(parameters[k] >= info.lower && parameters[k] <= info.upper))
-      throw std::invalid_argument(fmt::format("--parameters: {} is {}, must be in [{}, {}]", info.name,
-                                              parameters[k], info.lower, info.upper));
+    const auto own = std::ranges::find(fit.bounds, info.name, &ParameterBounds::parameter);
+    const double lower = own != fit.bounds.end() ? own->lower : info.lower,
+                 upper = own != fit.bounds.end() ? own->upper : info.upper;
+    if (!(parameters[k] >= lower && parameters[k] <= upper))
+      throw std::invalid_argument(
+          fmt::format("--parameters: {} is {}, must be in [{}, {}]", info.name, parameters[k], lower, upper));
   }
+}
+
+// What is fitted where the configuration does not say.
+FitSettings default_fit(const Configuration& configuration) {
+  FitSettings fit;
+  if (configuration.digitizer.kind == DigitizerSettings::Kind::simulated)
+    fit.model = configuration.digitizer.simulation.model;
+  return fit;
+}
+
+// The simulation drives its own comb: another one may be analysed, but its drive must be that.
+void check_comb(const DesignCommand& options, const Comb& comb, const Comb& simulated) {
+  const auto driven = [](const Comb& of) {
+    std::vector<std::uint64_t> bins;
+    for (const Tone& tone : of.tones)
+      if (tone.driven) bins.push_back(tone.bin);
+    return bins;
+  };
+  if (comb.window_samples != simulated.window_samples || driven(comb) != driven(simulated))
+    throw InputError(options.config, "/comb",
+                     "must have the window and the driven tones of the simulation's comb");
 }
 
 TypicalPixel pixel_of(const DesignCommand& options) {
@@ -78,19 +104,23 @@ TypicalPixel pixel_of(const DesignCommand& options) {
   const Description& description = configuration.description;
   TypicalPixel pixel;
   FitConditions& conditions = pixel.conditions;
-  conditions.settings = description.fit.value_or(FitSettings{});
+  conditions.settings = description.fit.value_or(default_fit(configuration));
   if (!options.model.empty() && options.model != conditions.settings.model) {
     conditions.settings.model = options.model;
     conditions.settings.bounds.clear();
   }
-  check_parameters(options.parameters, find_model(conditions.settings.model));
+  check_parameters(options.parameters, conditions.settings);
   conditions.settings.refine = std::max(conditions.settings.refine, refinements);
   conditions.windows = description.scan ? description.scan->windows : 1;
   pixel.parameters = options.parameters;
   if (configuration.digitizer.kind == DigitizerSettings::Kind::simulated) {
     const SimulationSettings& simulation = configuration.digitizer.simulation;
+    if (options.sample_rate_hz > 0.0)
+      throw std::invalid_argument("--sample-rate: " + options.config +
+                                  " simulates an instrument that has its own");
     conditions.sample_rate_hz = simulation.sample_rate_hz;
     conditions.comb = description.comb.value_or(simulation.comb);
+    check_comb(options, conditions.comb, simulation.comb);
     conditions.cantilever = description.cantilever.value_or(simulation.cantilever);
     conditions.noise =
         description.noise.value_or(Noise{simulation.temperature_k, {simulation.detector_nm_per_sqrt_hz}});
@@ -99,7 +129,8 @@ TypicalPixel pixel_of(const DesignCommand& options) {
     return pixel;
   }
   if (!(options.sample_rate_hz > 0.0))
-    throw std::invalid_argument("--sample-rate: is missing; " + options.config + " simulates none");
+    throw std::invalid_argument("--sample-rate: is missing, and " + options.config +
+                                " simulates no instrument that has one");
   conditions.sample_rate_hz = options.sample_rate_hz;
   conditions.comb = need(description.comb, options, "/comb");
   conditions.cantilever = need(description.cantilever, options, "/cantilever");
@@ -111,8 +142,10 @@ TypicalPixel pixel_of(const DesignCommand& options) {
 void print_text(const TypicalPixel& pixel, const ToneAdvice& advice, double delta_f_hz) {
   const ModelInfo& model = find_model(pixel.conditions.settings.model);
   fmt::print(
-      "Standard errors of {}, with the tones of the comb and with more, one after the other:\n\n{:>24}",
-      model.name, "");
+      "Standard errors of a refined fit of {} (\"refine\": {}), with the tones of the comb and with more, "
+      "one after "
+      "the other:\n\n{:>24}",
+      model.name, pixel.conditions.settings.refine, "");
   for (const ParameterInfo& info : model.parameters) fmt::print("  {:>28}", info.name);
   fmt::print("\n{:>24}", "comb");
   for (const double error : advice.std_errors) fmt::print("  {:>28.3g}", error);
@@ -124,7 +157,7 @@ void print_text(const TypicalPixel& pixel, const ToneAdvice& advice, double delt
                                          100.0 * step.std_errors[k] / advice.std_errors[k]));
   }
   fmt::print("\n");
-  if (advice.steps.empty()) fmt::print("\nNo further tone helps.\n");
+  if (advice.steps.empty()) fmt::print("\nNo further tone this near to the comb's helps.\n");
 }
 
 Json named(const std::vector<double>& values, const ModelInfo& model) {
@@ -142,10 +175,21 @@ void print_json(const TypicalPixel& pixel, const ToneAdvice& advice, double delt
                      {"frequency_hz", number9(delta_f_hz * static_cast<double>(step.bin))},
                      {"std_errors", named(step.std_errors, model)}});
   fmt::print("{}\n", Json{{"model", model.name},
+                          {"refine", pixel.conditions.settings.refine},
                           {"parameters", named(pixel.parameters, model)},
                           {"std_errors", named(advice.std_errors, model)},
                           {"added", added}}
                          .dump());
+}
+
+// Empty for a model there is.
+std::string model_error(const std::string& name) {
+  try {
+    find_model(name);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return {};
 }
 
 int run_design(const DesignCommand& options) {
@@ -176,7 +220,8 @@ void add_drive(CLI::App& app, Command& command) {
                    "of a typical pixel, in the model's order: -40,1,5,0.5 for dmt")
       ->required()
       ->delimiter(',');
-  design->add_option("--model", options->model, "force model instead of the configured one");
+  design->add_option("--model", options->model, "force model instead of the configured one")
+      ->check(CLI::Validator(model_error, "MODEL"));
   design
       ->add_option(
           "--sample-rate", options->sample_rate_hz,

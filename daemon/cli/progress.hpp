@@ -6,7 +6,7 @@
 
 namespace combforce {
 
-// Thread-bound. The destructor clears the line.
+// For one thread at a time. The destructor clears the line.
 class Progress {
  public:
   Progress();

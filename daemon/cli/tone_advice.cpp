@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -23,8 +24,9 @@ using Phasors = std::vector<std::complex<double>>;
 // The motion is sampled for the analysis at least so much faster than the fastest mode moves: what aliases
 // into the tones is then far below the noise.
 constexpr double oversampling = 8.0;
-constexpr double settled_nm = 5e-6;            // tones move by less from one window to the next
-constexpr double settled_relaxations = 12.0;   // of the slowest mode
+constexpr double settled_nm = 5e-6;           // tones move by less from one window to the next
+constexpr double settled_relaxations = 12.0;  // of the slowest mode
+constexpr double most_windows = 1000.0, most_finer = 1000.0;
 constexpr std::uint32_t further_windows = 30;  // waited for slower motion
 constexpr double came_back = 0.01;             // relative, and nm of the surface position
 
@@ -33,10 +35,13 @@ double delta_f_hz(const FitConditions& conditions) {
 }
 
 std::vector<std::uint64_t> candidates(const Comb& comb, std::uint64_t reach) {
+  std::uint64_t divisor = 0;
+  for (const Tone& tone : comb.tones)
+    if (tone.driven) divisor = std::gcd(divisor, tone.bin);
   std::vector<std::uint64_t> bins;
   for (const Tone& tone : comb.tones)
     for (std::uint64_t bin = tone.bin > reach ? tone.bin - reach : 1; bin <= tone.bin + reach; ++bin)
-      if (2 * bin < comb.window_samples) bins.push_back(bin);
+      if (bin % divisor == 0 && 2 * bin < comb.window_samples) bins.push_back(bin);
   std::ranges::sort(bins);
   bins.erase(std::ranges::unique(bins).begin(), bins.end());
   std::erase_if(bins, [&](std::uint64_t bin) {
@@ -53,6 +58,14 @@ SteadyStateSettings motion_of(const TypicalPixel& pixel, const std::vector<std::
     relaxation_s = std::max(relaxation_s, mode.quality_factor / (std::numbers::pi * mode.frequency_hz));
   }
   const double finer = std::ceil(std::max(1.0, oversampling * fastest_hz / conditions.sample_rate_hz));
+  if (!(finer <= most_finer))
+    throw std::invalid_argument(fmt::format("sample rate: {} Hz, must be at least {} Hz for a mode at {} Hz",
+                                            conditions.sample_rate_hz, oversampling / most_finer * fastest_hz,
+                                            fastest_hz));
+  const double windows = std::ceil(settled_relaxations * relaxation_s * delta_f_hz(conditions));
+  if (!(windows <= most_windows))
+    throw std::invalid_argument(fmt::format(
+        "cantilever: rings for {} windows of the comb, must be at most {}", windows, most_windows));
   SteadyStateSettings settings;
   settings.oscillator.sample_rate_hz = finer * conditions.sample_rate_hz;
   settings.oscillator.window_samples = static_cast<std::uint64_t>(finer) * conditions.comb.window_samples;
@@ -64,8 +77,7 @@ SteadyStateSettings motion_of(const TypicalPixel& pixel, const std::vector<std::
   settings.model = conditions.settings.model;
   settings.parameters = pixel.parameters;
   settings.bins = bins;
-  settings.settle_windows =
-      static_cast<std::uint32_t>(std::ceil(settled_relaxations * relaxation_s * delta_f_hz(conditions)));
+  settings.settle_windows = static_cast<std::uint32_t>(windows);
   return settings;
 }
 
@@ -137,7 +149,22 @@ bool comes_back(const FitResult& fit, const std::vector<double>& truth) {
   for (std::size_t k = 0; k < truth.size(); ++k)
     if (!(std::abs(fit.parameters[k] - truth[k]) <= came_back * (k == 0 ? 1.0 : std::abs(truth[k]))))
       return false;
-  return true;
+  return fit.status == FitStatus::converged || fit.status == FitStatus::ill_conditioned ||
+         fit.status == FitStatus::ambiguous;
+}
+
+void check(const TypicalPixel& pixel) {
+  const FitConditions& conditions = pixel.conditions;
+  if (std::ranges::all_of(pixel.drive_forces_nn, [](std::complex<double> force) { return force == 0.0; }))
+    throw std::invalid_argument("drive: no tone of the comb is driven");
+  const std::vector<double>& detector = conditions.noise->detector_nm_per_sqrt_hz;
+  if (conditions.noise->temperature_k == 0.0 && std::ranges::find(detector, 0.0) != detector.end())
+    throw std::invalid_argument(
+        "noise: temperature_k and detector noise are 0, so nothing limits the parameters");
+  if (2 * conditions.comb.tones.size() < pixel.parameters.size())
+    throw std::invalid_argument(fmt::format("comb: {} tones measure {} numbers, must be at least {} for {}",
+                                            conditions.comb.tones.size(), 2 * conditions.comb.tones.size(),
+                                            pixel.parameters.size(), conditions.settings.model));
 }
 
 // Logarithm of the product of the errors; infinite where one is not known, or the fit went elsewhere.
@@ -151,6 +178,7 @@ double score(const FitResult& fit, const std::vector<double>& truth) {
 
 ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint64_t reach,
                         const std::function<void(std::size_t, std::size_t)>& progress) {
+  check(pixel);
   std::vector<std::uint64_t> left = candidates(pixel.conditions.comb, reach), bins = left;
   for (const Tone& tone : pixel.conditions.comb.tones) bins.push_back(tone.bin);
   std::ranges::sort(bins);
@@ -158,19 +186,24 @@ ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint6
 
   ToneAdvice advice;
   const FitResult now = judge.fit({});
+  if (now.status == FitStatus::no_contact)
+    throw std::invalid_argument("parameters: the tip does not touch this surface");
   if (!comes_back(now, pixel.parameters))
     throw std::invalid_argument(
         fmt::format("parameters: a fit of this comb does not come back to them from exact tones (status {}); "
                     "choose others",
                     to_string(now.status)));
   double least = score(now, pixel.parameters);
-  if (!std::isfinite(least)) throw std::invalid_argument("noise: is none, so nothing limits the parameters");
+  if (!std::isfinite(least))
+    throw std::invalid_argument(fmt::format("comb: does not determine all parameters of {} (status {})",
+                                            pixel.conditions.settings.model, to_string(now.status)));
   advice.std_errors = errors_of(now);
 
   std::vector<std::uint64_t> added;
-  std::size_t tried = 0;
+  std::size_t tried = 0, to_try = 0;
+  for (std::size_t i = 0; i < std::min(tones, left.size()); ++i) to_try += left.size() - i;
   std::mutex progress_mutex;
-  while (added.size() < std::min(tones, bins.size() - pixel.conditions.comb.tones.size())) {
+  while (added.size() < tones && !left.empty()) {
     std::vector<FitResult> fits(left.size());
     parallel_for(left.size(), [&] {
       return [&](std::size_t i) {
@@ -179,7 +212,7 @@ ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint6
         fits[i] = judge.fit(with);
         const std::lock_guard lock(progress_mutex);
         ++tried;
-        if (progress) progress(tried, left.size() * tones);
+        if (progress) progress(tried, to_try);
       };
     });
     std::size_t best = 0;

@@ -68,8 +68,10 @@ struct Aim {
   double median, most;
 };
 constexpr Aim tuned{1e-4, 0.01}, intermodulated{1e-4, 1e-3};  // by tones exact to 0.005 pm
-constexpr Aim tuned_recorded{3e-3, 0.03},
-    intermodulated_recorded{1e-3, 5e-3};  // by those of int16 recordings
+// By those of int16 recordings, wrong by some 0.01 pm: DMT turns these into up to 0.9 % a 0.01 pm, one mode
+// alone into a fifth of that.
+constexpr Aim tuned_recorded{3e-3, 0.03}, intermodulated_recorded{1e-3, 5e-3};
+intermodulated_recorded{1e-3, 5e-3};  // by those of int16 recordings
 
 void expect_truth_or_a_status(const SimulatedPixels& pixels, std::size_t count, std::uint64_t seed,
                               const Aim& aim) {
@@ -144,6 +146,7 @@ TEST(RefinedFit, SaysWhenTheMotionHasDoubledItsPeriod) {
   FitResult result;
   fitter.fit(*tones, result);
   EXPECT_EQ(result.status, FitStatus::misfit);
+  EXPECT_LT(result.chi2_reduced * 4.0, 22.0) << "chi^2 of 4 degrees of freedom alone would say so too";
 }
 
 TEST(RefinedFit, SaysWhenTheIterationsDoNotSuffice) {

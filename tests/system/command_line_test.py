@@ -3,7 +3,7 @@
 import json
 import unittest
 
-from harness import COMBFORCE, COMBFORCED, SystemTest, run, small_instrument
+from harness import COMBFORCE, COMBFORCED, SAMPLE_RATE_HZ, WINDOW_SAMPLES, SystemTest, run, small_instrument
 
 SUBCOMMANDS = [["replay"], ["simulate"], ["paper"], ["status"], ["watch"], ["scan", "start"], ["scan", "stop"],
                ["record", "start"], ["record", "stop"], ["free"], ["calibrate", "thermal"], ["drive", "design"]]
@@ -34,6 +34,7 @@ class CommandLine(SystemTest):
                                 (["scan", "start", "--lines", "0"], "--lines: 0, must be a number above 0"),
                                 (["watch", "--count", "-1"], "--count: -1, must be a number above 0"),
                                 (["calibrate", "thermal", "--temperature", "inf"], "--temperature: inf, must be"),
+                                (["drive", "design", "--config", "x", "--parameters", "1", "--model", "spring"], "spring"),
                                 (["status", "--connect", "127.0.0.1:99999"], "port 99999, must be 1..65535")]:
             done = run(COMBFORCE, *arguments)
             self.assertEqual(2, done.returncode, (arguments, done.stderr))
@@ -54,7 +55,10 @@ class CommandLine(SystemTest):
         design = json.loads(done.stdout)
         self.assertEqual({"surface_position_nm": -40, "contact_strength_gpa_sqrt_nm": 1}, design["parameters"])
         errors = design["std_errors"]
+        self.assertEqual(30, design["refine"])
+        self.assertLessEqual(1, len(design["added"]))
         for tone in design["added"]:
+            self.assertEqual(tone["bin"] * SAMPLE_RATE_HZ / WINDOW_SAMPLES, tone["frequency_hz"])
             before, errors = errors, tone["std_errors"]
             self.assertLess(errors["surface_position_nm"] * errors["contact_strength_gpa_sqrt_nm"],
                             before["surface_position_nm"] * before["contact_strength_gpa_sqrt_nm"])
@@ -67,8 +71,8 @@ class CommandLine(SystemTest):
         foreign = self.write("foreign.json", "{}")
         for arguments, said in [(["--config", config, "--model", "dmt", "--parameters", "1,2,3"], "3 values, must be 4: surface_position_nm"),
                                 (["--config", config, "--parameters=-40,-1"], "contact_strength_gpa_sqrt_nm is -1"),
-                                (["--config", config, "--parameters=-90,1"], "does not come back"),
-                                (["--config", config, "--model", "spring", "--parameters", "1"], "spring"),
+                                (["--config", config, "--parameters=-90,1"], "does not touch"),
+                                (["--config", config, "--parameters=-40,1", "--sample-rate", 1e6], "has its own"),
                                 (["--config", foreign, "--parameters=-40,1,5,0.5"], "--sample-rate"),
                                 (["--config", foreign, "--parameters=-40,1,5,0.5", "--sample-rate", 1e6], "/comb: is missing")]:
             done = run(COMBFORCE, "drive", "design", *arguments, timeout=300)

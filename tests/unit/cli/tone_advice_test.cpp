@@ -42,7 +42,7 @@ double product(std::span<const double> errors) {
   return std::accumulate(errors.begin(), errors.end(), 1.0, std::multiplies<>());
 }
 
-// Of the candidates none is better than the advised one, and the errors are those that a fit of the wider
+// Of these neighbours none is better than the advised one, and the errors are those that a fit of the wider
 // comb will report.
 TEST(ToneAdvice, IsTheToneWithWhichAFitSaysTheLeastErrors) {
   const std::vector<double> parameters{-40.0, 1.0, 5.0, 0.5};
@@ -69,11 +69,19 @@ void expect_refused(const TypicalPixel& pixel, const std::string& why) {
 }
 
 TEST(ToneAdvice, RefusesWhatTellsNothing) {
-  expect_refused(four_tones({-80.0, 1.0, 5.0, 0.5}),
-                 "parameters: a fit of this comb does not come back");  // never touched
+  expect_refused(four_tones({-80.0, 1.0, 5.0, 0.5}), "parameters: the tip does not touch");
   TypicalPixel silent = four_tones({-40.0, 1.0, 5.0, 0.5});
   silent.conditions.noise = Noise{0.0, {0.0}};
-  expect_refused(silent, "noise: is none");
+  expect_refused(silent, "noise: temperature_k and detector noise are 0");
+  TypicalPixel still = four_tones({-40.0, 1.0, 5.0, 0.5});
+  still.drive_forces_nn.assign(4, 0.0);
+  expect_refused(still, "drive: no tone");
+  TypicalPixel ringing = four_tones({-40.0, 1.0, 5.0, 0.5});
+  ringing.conditions.cantilever.modes[0].quality_factor = 1e9;
+  expect_refused(ringing, "cantilever: rings for");
+  TypicalPixel slow = four_tones({-40.0, 1.0, 5.0, 0.5});
+  slow.conditions.sample_rate_hz = 1.0;
+  expect_refused(slow, "sample rate: 1 Hz, must be at least");
 }
 
 }  // namespace

@@ -46,15 +46,17 @@ Complex phasor_of_decay(const Mode& mode, double q, double v, double w, double t
 TEST(ThermalForceCovariance, WindowEndIsTheForceThatAFreeDecaySeemsToFeel) {
   const Cantilever cantilever{{{117e3, 212.0, 4.0, 1.0}}};
   const Mode& mode = cantilever.modes[0];
-  const std::vector<double> frequencies_hz{115e3, 116.5e3, 117e3, 119e3};
+  const std::vector<double> frequencies_hz{115e3, 116.5e3, 117e3, 119e3, 0.0};
   const double window_s = 2e-3, temperature_k = 300.0, w_mode = 2.0 * std::numbers::pi * mode.frequency_hz;
-  Eigen::MatrixXd forces(8, 2);
+  Eigen::MatrixXd forces(10, 2);
   Eigen::Matrix2d changes;
   for (Eigen::Index decay = 0; decay < 2; ++decay)
-    for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t i = 0; i < 5; ++i) {
       const double q = decay == 0 ? 1.0 : 0.0, v = decay == 0 ? 0.0 : w_mode;
       double q_end = 0.0, v_end = 0.0;
+      const double of_mean = frequencies_hz[i] == 0.0 ? 0.5 : 1.0;  // half of (2/T) times the integral
       const Complex force =
+          of_mean *
           phasor_of_decay(mode, q, v, 2.0 * std::numbers::pi * frequencies_hz[i], window_s, q_end, v_end) /
           tip_response(cantilever, frequencies_hz[i]);
       forces(static_cast<Eigen::Index>(2 * i), decay) = force.real();
@@ -67,6 +69,7 @@ TEST(ThermalForceCovariance, WindowEndIsTheForceThatAFreeDecaySeemsToFeel) {
   Eigen::MatrixXd expected = of_unit * of_unit.transpose();
   for (Eigen::Index i = 0; i < 8; ++i)
     expected(i, i) += thermal_force_density(mode, temperature_k) / window_s;
+  expected(8, 8) += 0.5 * thermal_force_density(mode, temperature_k) / window_s;
   const Eigen::MatrixXd covariance = thermal_force_covariance(
       cantilever, frequencies_hz, frequencies_hz.size(), temperature_k, 1.0 / window_s, 1);
   EXPECT_LT((covariance - expected).norm(), 1e-9 * expected.norm());
@@ -179,6 +182,26 @@ TEST(GainAtTones, IsTheDerivativeOfTheModelsForces) {
   }
   // As above.
   EXPECT_LT((gain.leftCols(40) - expected).norm(), 2e-2 * expected.norm());
+}
+
+// By its definition, with dense products.
+TEST(MeasuredForce, CovarianceTakesHeatOffTheCombThroughTheGain) {
+  const std::vector<double> off_comb_hz{0.0, 116e3, 118e3};
+  FitConditions conditions = paper_conditions("hertz", {232, 234}, Phasors(2));
+  conditions.noise = Noise{300.0, {0.0}};
+  const MeasuredForce measured(conditions, off_comb_hz);
+  std::vector<double> all_hz{232 * paper_delta_f_hz, 234 * paper_delta_f_hz};
+  all_hz.insert(all_hz.end(), off_comb_hz.begin(), off_comb_hz.end());
+  const Eigen::MatrixXd heat =
+      thermal_force_covariance(conditions.cantilever, all_hz, 2, 300.0, paper_delta_f_hz, conditions.windows);
+  Eigen::MatrixXd gain(4, 6), all = Eigen::MatrixXd::Identity(4, 10), covariance(4, 4);
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  for (double& value : gain.reshaped()) value = normal(random);
+  all.rightCols(6) = gain;
+  measured.covariance_at(Eigen::MatrixXd::Zero(4, 4), gain, covariance);
+  const Eigen::MatrixXd expected = all * heat * all.transpose();
+  EXPECT_LT((covariance - expected).norm(), 1e-12 * expected.norm());
 }
 
 // The detector's noise moves the model's forces too: mostly so where the contact is stiff.
