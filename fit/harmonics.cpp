@@ -38,6 +38,7 @@ Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delt
                      double band_of_tones) {
   std::uint64_t divisor = 0;
   for (const Tone& tone : comb.tones) divisor = std::gcd(divisor, tone.bin);
+  periods_ = divisor;
   for (const Tone& tone : comb.tones) tones_.push_back(tone.bin / divisor);
   highest_tone_ = *std::ranges::max_element(tones_);
   spacing_hz_ = static_cast<double>(divisor) * delta_f_hz;

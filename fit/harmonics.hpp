@@ -3,6 +3,7 @@
 
 #include <complex>
 #include <cstddef>
+#include <cstdint>
 #include <numbers>
 #include <span>
 #include <vector>
@@ -30,6 +31,7 @@ class Harmonics {
   std::size_t band() const { return response_.size() - 1; }
   std::span<const std::size_t> tones() const { return tones_; }  // of the comb, in its order
   std::size_t highest_tone() const { return highest_tone_; }
+  std::uint64_t periods() const { return periods_; }      // in a window of the comb: g
   double spacing_hz() const { return spacing_hz_; }       // of the harmonics: g Delta f
   double angular_frequency(std::size_t harmonic) const {  // rad/s
     return 2.0 * std::numbers::pi * spacing_hz_ * static_cast<double>(harmonic);
@@ -50,6 +52,7 @@ class Harmonics {
  private:
   std::vector<std::size_t> tones_;
   std::size_t highest_tone_ = 0;
+  std::uint64_t periods_ = 1;
   double spacing_hz_ = 0.0;
   std::vector<bool> is_tone_;
   std::vector<std::complex<double>> response_, response_between_;

@@ -11,6 +11,7 @@ namespace combforce {
 namespace {
 
 constexpr double drive_resolution = 1e-6;
+constexpr double room_temperature_k = 300.0;
 
 // The quantile of chi^2 that is exceeded as rarely as a normal deviate exceeds `deviate`, and how often x is.
 double rarity(double deviate) {
@@ -57,8 +58,13 @@ void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<co
   const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
   covariance_ = Eigen::MatrixXd::Zero(rows, rows);
   detector_variances_.resize(frequencies_hz.size());
-  if (!noise_known_) return;
   const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+  if (!noise_known_) {
+    search_covariance_ =
+        thermal_force_covariance(conditions.cantilever, frequencies_hz, frequencies_hz.size(),
+                                 room_temperature_k, delta_f_hz, conditions.windows);
+    return;
+  }
   std::vector<double> all_hz(frequencies_hz.begin(), frequencies_hz.end());
   all_hz.insert(all_hz.end(), off_comb_hz.begin(), off_comb_hz.end());
   thermal_ = thermal_force_covariance(conditions.cantilever, all_hz, frequencies_hz.size(),
@@ -69,6 +75,7 @@ void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<co
   }
   covariance_ = thermal_.topLeftCorner(rows, rows);
   add_detector_noise(Eigen::MatrixXd::Zero(rows, rows), covariance_);
+  search_covariance_ = covariance_;
 }
 
 void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& gain,

@@ -32,6 +32,8 @@ class MeasuredForce {
   // Covariance of all of them, rows (re, im) of every tone, nN^2, as if the detector's noise were seen by the
   // measurement alone: through chi^-1. All 0 without a noise model.
   const Eigen::MatrixXd& covariance() const { return covariance_; }
+  // As covariance() where noise is known, else of heat at 300 K: says a search how far minima extend.
+  const Eigen::MatrixXd& search_covariance() const { return search_covariance_; }
   // The same of the difference between a model's forces and the measured ones, by what small motion and small
   // forces do to the model's forces, rows (re, im) of every tone. Noise must be known; does not allocate.
   // `stiffness`, rows x rows: dF_model/dd, nN/nm, by (re, im) of every tone's motion: the detector's noise is
@@ -63,7 +65,7 @@ class MeasuredForce {
   std::vector<double> angular_frequencies_, variances_, contact_variances_;
   std::vector<double> detector_variances_;  // of each quadrature of the motion, nm^2
   Eigen::MatrixXd thermal_;                 // of tones, then frequencies off the comb
-  Eigen::MatrixXd covariance_;
+  Eigen::MatrixXd covariance_, search_covariance_;
   double contact_threshold_ = 0.0;
   bool noise_known_ = false;
 };

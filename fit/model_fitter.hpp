@@ -162,18 +162,19 @@ class ModelFitter : public Fitter {
     double error = std::numeric_limits<double>::infinity();  // what was minimised
     double chi2 = std::numeric_limits<double>::infinity();   // by the noise model
     FitResult result;
+    FitResult extent;  // standard errors and correlations as of search_covariance()
   };
 
-  // From the least of the minima; then, where the noise says that the trench is long, also from places along
-  // it.
+  // From the least of the minima, and those that rival it; then, where the trench is long, also from places
+  // along it.
   void fit_paper(std::span<const Parameters> minima, const MeasuredForce& measured,
                  std::span<const double> weights, const Whitening& whitening, bool seek, FitResult& result) {
     Minimum best = minimum(minima[0], measured, weights, whitening), other;
-    if (seek && measured.noise_known()) {
+    if (seek) {
       for (const Parameters& p : minima.subspan(1))
         if (rivals(p, best, weights, whitening))
           keep_best(minimum(p, measured, weights, whitening), best, other);
-      if (const Trench<Model::parameters> trench(best.p, best.result); trench.is_long()) {
+      if (const Trench<Model::parameters> trench(best.p, best.extent); trench.is_long()) {
         const std::array starts{trench.start(1.0), trench.start(-1.0)};
         residuals_.release();
         for (Parameters p : starts)
@@ -190,7 +191,7 @@ class ModelFitter : public Fitter {
                   const Whitening& whitening) {
     Minimum minimum;
     minimum.result = unfitted(FitStatus::not_converged, Model::parameters);
-    minimum.chi2 = refine(p, measured, weights, whitening, minimum.result);
+    minimum.chi2 = refine(p, measured, weights, whitening, minimum.result, minimum.extent);
     std::copy_n(minimum.result.parameters.begin(), minimum.p.size(), minimum.p.begin());
     minimum.error = error_of_finer(weights);
     return minimum;
@@ -209,7 +210,7 @@ class ModelFitter : public Fitter {
   // Nearer than the noise can tell: the way along the trench led back.
   static bool within_noise(const Parameters& p, const Minimum& best) {
     for (std::size_t k = 0; k < p.size(); ++k)
-      if (!(std::abs(p[k] - best.p[k]) <= 0.25 * best.result.std_errors[k])) return alike(p, best.p);
+      if (!(std::abs(p[k] - best.p[k]) <= 0.25 * best.extent.std_errors[k])) return alike(p, best.p);
     return true;
   }
 
@@ -264,7 +265,7 @@ class ModelFitter : public Fitter {
   // Solves on finer and finer quadratures until the next finer one would not move the minimum. Returns chi^2,
   // NaN without a noise model.
   double refine(Parameters p, const MeasuredForce& measured, std::span<const double> weights,
-                const Whitening& whitening, FitResult& result) {
+                const Whitening& whitening, FitResult& result, FitResult& extent) {
     bool solved = false, good = false;
     Linearization at{jacobian_, weights, {}};
     residuals_.release();
@@ -283,6 +284,7 @@ class ModelFitter : public Fitter {
     const double chi2 = chi2_of_finer(whitening);
     const bool determined =
         estimate_uncertainty(at, measured.covariance(), chi2, measured.noise_known(), result);
+    estimate_uncertainty(at, measured.search_covariance(), chi2, true, extent);
     const bool bounded = std::ranges::any_of(at.fixed, [](bool fixed) { return fixed; });
     if (!(good || (solved && (within(p, result, 10.0) || !determined))))
       result.status = FitStatus::not_converged;

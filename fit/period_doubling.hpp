@@ -4,8 +4,10 @@
 // A small motion u half a spacing above the harmonics obeys (1 - chi G) u = 0, G the spectrum of F'(d(t)).
 // The determinant is 1 without a force and changes sign where the motion of twice the period branches off
 // (Hill's determinant at the multiplier -1: Nayfeh and Balachandran, Applied Nonlinear Dynamics, 1995, 3.3).
-// It is taken over the most compliant of these frequencies. A second branch restores the sign, and other ways
-// to lose stability do not show.
+// It is taken over the most compliant of these frequencies, which does for tones of several modes; where all
+// intermodulate about one mode and the window is one period, these do not suffice: the determinant is
+// negative for motions that last. A second branch restores the sign, and other ways to lose stability do not
+// show.
 #pragma once
 
 #include <Eigen/Core>

@@ -60,7 +60,6 @@ class RefinedFit {
     balance_.set_bounds(bounds);
     balance_.set_measured(tones, measured.phasors());
     Solution best, other;
-    lasting_ = true;
     for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
     for (const Parameters& start : further)
       if (!explains(measured, best)) try_start(start, measured, whitening, best, other, result);
@@ -96,8 +95,7 @@ class RefinedFit {
   static constexpr std::size_t most_loosened = 20;
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
   static constexpr int most_profile_trials = 8;
-  static constexpr double profile_tolerance = 0.01;  // of a standard error
-  static constexpr double held_share = 1e-9;
+  static constexpr double profile_tolerance = 0.01;           // of a standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
 
   // From a start and no motion off the comb.
@@ -124,18 +122,16 @@ class RefinedFit {
       solution = fit_.solve(solution.p, quadrature_level, most_);
       result.iterations += solution.iterations;
     }
-    const bool lasts = !solution.converged || !better(solution, best) || !doubling_.branches_off();
-    if (!better(solution, best) || (best.converged && lasting_ && !lasts)) {
-      if (lasts && solution.converged && !same(solution, best) && solution.cost < other.cost)
-        other = solution;
+    if (!better(solution, best)) {
+      if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
       return;
     }
-    if (best.converged && lasting_ && !same(solution, best)) other = best;
+    if (best.converged && !same(solution, best)) other = best;
     best = solution;
-    lasting_ = lasts;
     jacobian_ = fit_.jacobian();
     best_root_ = balance_.whitening();
     off_comb_ = fit_.off_comb_exchange();
+    lasting_ = balance_.harmonics().periods() == 1 || !doubling_.branches_off();
     estimate_quadrature_error(best, result);
   }
 
@@ -158,7 +154,7 @@ class RefinedFit {
     for (std::size_t k = 0; k < Model::parameters; ++k)
       for (const double side : {-1.0, 1.0})
         result.intervals[k][side < 0.0 ? 0 : 1] = profile_end(bounds, best, k, side, result);
-    balance_.set_bounds(bounds);
+    fit_.release();
   }
 
   // Where the root of the rise of chi^2, which is nearly linear, is 1. NaN when it is not found.
@@ -170,8 +166,9 @@ class RefinedFit {
     for (int trial = 0; trial < most_profile_trials; ++trial) {
       const bool beyond = !(side * (best.p[k] + away) < side * end);
       if (beyond) away = end - best.p[k];
-      const double rise = profiled_cost(bounds, best, k, away, result) - best.cost;
+      const double rise = profiled_cost(best, k, away, result) - best.cost;
       const double root = std::sqrt(rise);
+      if (!(root > 0.0)) break;
       if (std::abs(root - 1.0) <= profile_tolerance || (beyond && root < 1.0)) return best.p[k] + away;
       away /= root;
     }
@@ -179,15 +176,10 @@ class RefinedFit {
   }
 
   // The least cost with parameter k held `away` from its best.
-  double profiled_cost(std::span<const Bounds> bounds, const Solution& best, std::size_t k, double away,
-                       FitResult& result) {
-    std::array<Bounds, Model::parameters> held;
-    std::ranges::copy(bounds, held.begin());
+  double profiled_cost(const Solution& best, std::size_t k, double away, FitResult& result) {
     Parameters start = best.p;
     start[k] += away;
-    const double width = held_share * std::max(std::abs(start[k]), std::abs(away));
-    held[k] = {start[k] - width, start[k] + width};
-    balance_.set_bounds(held);
+    fit_.hold(k);
     std::ranges::fill(balance_.motion(), 0.0);
     const Solution solution = fit_.solve(start, quadrature_level, most_);
     result.iterations += solution.iterations;
@@ -206,7 +198,7 @@ class RefinedFit {
   // Converged inside the bounds, with a plausible chi^2 where the noise is known.
   bool explains(const MeasuredForce& measured, const Solution& solution) const {
     const auto degrees = static_cast<double>(rows_) - static_cast<double>(Model::parameters);
-    return solution.converged && lasting_ && count_free(solution) == Model::parameters &&
+    return solution.converged && count_free(solution) == Model::parameters &&
            !measured.misfit(solution.cost / degrees, Model::parameters, misfit_deviate);
   }
 
@@ -215,10 +207,8 @@ class RefinedFit {
     return !best.converged || best.cost > LoosenedBalance<Model>::explained * balance_.measured_square();
   }
 
-  // A motion that does not last is only the best where no other was found.
-  bool better(const Solution& solution, const Solution& best) const {
-    if (solution.converged != best.converged) return solution.converged;
-    return solution.cost < best.cost || (best.converged && !lasting_);
+  static bool better(const Solution& a, const Solution& b) {
+    return a.converged != b.converged ? a.converged : a.cost < b.cost;
   }
   static bool same(const Solution& a, const Solution& b) {
     for (std::size_t k = 0; k < Model::parameters; ++k)

@@ -104,6 +104,10 @@ class SelfConsistentFit {
     return solution;
   }
 
+  // Until release(), solutions keep this parameter where they start.
+  void hold(std::size_t parameter) { held_ = parameter; }
+  void release() { held_ = count; }
+
   // Of the last solution: F_model - F_measured, rows (re, im) of every tone, and its total derivative with
   // respect to the parameters, the motion off the comb following; both whitened.
   const Eigen::VectorXd& residuals() const { return best_.residuals; }
@@ -286,7 +290,7 @@ class SelfConsistentFit {
     Coordinates right = Coordinates::Zero(), scale;
     for (Eigen::Index row = 0; row < rows_; ++row) {
       for (std::size_t k = 0; k < count; ++k) {
-        const double at_k = at.jacobian(row, index(k)) * balance_->slope(k, at.x);
+        const double at_k = held_ == k ? 0.0 : at.jacobian(row, index(k)) * balance_->slope(k, at.x);
         right(index(k)) -= at_k * at.residuals(row);
         for (std::size_t l = 0; l < count; ++l)
           normal(index(k), index(l)) += at_k * at.jacobian(row, index(l)) * balance_->slope(l, at.x);
@@ -350,6 +354,7 @@ class SelfConsistentFit {
   static constexpr double least_damping = 1e-8;
   static constexpr double most_relaxation = 10.0;
 
+  std::size_t held_ = count;  // none
   HarmonicBalance<Model>* balance_;
   const Harmonics* harmonics_;
   Eigen::Index rows_, unknowns_;

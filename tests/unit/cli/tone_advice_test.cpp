@@ -46,14 +46,14 @@ double product(std::span<const double> errors) {
 // comb will report.
 TEST(ToneAdvice, IsTheToneWithWhichAFitSaysTheLeastErrors) {
   const std::vector<double> parameters{-40.0, 1.0, 5.0, 0.5};
-  const ToneAdvice advice = advise_tones(four_tones(parameters), 1, 4);
+  const ToneAdvice advice = advise_tones(four_tones(parameters), 1, 2);
   ASSERT_EQ(advice.steps.size(), 1U);
   const ToneAdvice::Step& best = advice.steps[0];
   const FitResult fit = fit_with(best.bin, parameters);
   for (std::size_t k = 0; k < parameters.size(); ++k)
     EXPECT_NEAR(best.std_errors[k] / fit.std_errors[k], 1.0, 1e-3) << "parameter " << k;
   EXPECT_LT(product(best.std_errors), 0.5 * product(advice.std_errors));
-  for (const std::uint64_t other : {230, 232, 236, 1346, 1350}) {
+  for (const std::uint64_t other : {232, 1350}) {
     const FitResult worse = fit_with(other, parameters);
     EXPECT_GE(product(std::span(worse.std_errors).first(4)) * 1.001, product(best.std_errors)) << other;
   }

@@ -224,7 +224,7 @@ TEST(SimulatedDigitizer, LinesAfterAnUnknownLossReferToItsIndex) {
 
 TEST(SimulatedDigitizer, StallLosesNothing) {
   SimulationSettings settings = small_instrument();
-  settings.faults = {{FaultSettings::Kind::stall, 5500, 0, 0.05}};
+  settings.faults = {{FaultSettings::Kind::stall, 5500, 0, 0.3}};
   SimulatedDigitizer digitizer(settings);
   const Captured captured = capture(digitizer, until(20000));
   expect_contiguous(captured);
@@ -233,7 +233,8 @@ TEST(SimulatedDigitizer, StallLosesNothing) {
     EXPECT_EQ(captured.headers[i].lost_before, 0U);
     EXPECT_TRUE(same_codes(captured.codes[i], expected, captured.headers[i].first_sample));
   }
-  // Twenty thousand samples last 10 ms, and 50 were waited for: slower than real time by arithmetic.
+  // Twenty thousand samples last 10 ms, and 300 were waited for: slower than real time by arithmetic, also
+  // when it ran on for some before it was stopped.
   EXPECT_LT(captured.status.realtime_factor, 0.25);
 }
 

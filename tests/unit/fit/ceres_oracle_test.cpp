@@ -57,26 +57,27 @@ bool has_the_same_minimum(ModelPixel pixel, RandomPixels& draw, double share) {
   return true;
 }
 
+// Of the draws of DMT one in four determines every parameter.
+template <typename Compare>
+void compare_some(Compare compare) {
+  int compared = 0;
+  for (int i = 0; i < 40 && compared < 2; ++i) {
+    SCOPED_TRACE(i);
+    if (compare()) ++compared;
+  }
+  EXPECT_EQ(compared, 2);
+}
+
 class CeresOracle : public testing::TestWithParam<int> {};
 
 TEST_P(CeresOracle, HertzFindsItsMinimum) {
   RandomPixels draw(static_cast<std::uint64_t>(3000 + GetParam()));
-  int converged = 0;
-  for (int i = 0; i < 4; ++i) {
-    SCOPED_TRACE(i);
-    if (has_the_same_minimum<Hertz>(draw.hertz(), draw, 0.02)) ++converged;
-  }
-  EXPECT_GE(converged, 1);  // whatever the phases: some pixels determine little
+  compare_some([&] { return has_the_same_minimum<Hertz>(draw.hertz(), draw, 0.02); });
 }
 
 TEST_P(CeresOracle, DmtFindsItsMinimum) {
   RandomPixels draw(static_cast<std::uint64_t>(4000 + GetParam()));
-  int converged = 0;
-  for (int i = 0; i < 4; ++i) {
-    SCOPED_TRACE(i);
-    if (has_the_same_minimum<Dmt>(draw.dmt(), draw, 0.002)) ++converged;
-  }
-  EXPECT_GE(converged, 1);
+  compare_some([&] { return has_the_same_minimum<Dmt>(draw.dmt(), draw, 0.002); });
 }
 
 #ifdef COMBFORCE_SLOW

@@ -87,7 +87,8 @@ TEST(RandomPixels, KelvinVoigtAtFourTonesGivesTheTruthOrSaysSo) {
   const Tally tally = fit_all(pixels, [&] { return draw.kelvin_voigt(); });
   EXPECT_TRUE(tally.wrong.empty());
   EXPECT_LE(tally.count(FitStatus::not_converged), static_cast<std::size_t>(0.02 * pixels));
-  EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.7 * pixels));
+  // Of the draws two in three determine all three parameters to 30 %.
+  EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.6 * pixels));
 }
 
 TEST(RandomPixels, DlvoAroundOneModeGivesTheTruthOrSaysSo) {

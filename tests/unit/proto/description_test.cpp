@@ -58,7 +58,7 @@ TEST(Description, DecodesEveryKeyOfTheContract) {
                           false}));
   EXPECT_EQ(description.scan, (ScanLayout{64, 32, 16000, 8000, 1, true, {1000, 500}}));
   EXPECT_EQ(description.noise, (Noise{300, {1e-4, 2e-4}}));
-  EXPECT_EQ(description.fit, (FitSettings{"dmt", 2, Weighting::noise, {{"adhesion_nn", 0, 20}}}));
+  EXPECT_EQ(description.fit, (FitSettings{"dmt", 2, Weighting::noise, true, {{"adhesion_nn", 0, 20}}}));
 }
 
 TEST(Description, EncodesWhatItDecodes) {
