@@ -8,9 +8,9 @@
 #include <memory>
 #include <mutex>
 
-#include "daemon/cli/parallel.hpp"
 #include "daemon/cli/paper/tables.hpp"
 #include "daemon/cli/paper/thermal_pixels.hpp"
+#include "daemon/cli/parallel.hpp"
 #include "fit/measured_force.hpp"
 #include "fit/model_list.hpp"
 #include "fit/self_consistent.hpp"

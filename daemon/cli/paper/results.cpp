@@ -4,8 +4,8 @@
 
 #include <stdexcept>
 
-#include "daemon/cli/parallel.hpp"
 #include "daemon/cli/paper/remarks.hpp"
+#include "daemon/cli/parallel.hpp"
 
 namespace combforce::paper {
 namespace {
