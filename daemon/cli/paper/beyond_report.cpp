@@ -10,8 +10,9 @@ namespace {
 std::string bias_table(const Beyond& beyond) {
   std::string text =
       "## The bias removed\n\nTones without noise. Paper: as printed. Partial: the paper's method, its "
-      "average over the window converged. Refined: the motion off the comb found too. Bound: the least "
-      "standard error that thermal noise allows in one window of 2 ms at 300 K.\n\n"
+      "average over the window converged. Refined: the motion off the comb found too. Bound: the "
+      "standard error if each measured quadrature had the thermal noise S Delta f of one window of 2 ms at "
+      "300 K.\n\n"
       "| case | parameter | true | paper | partial | refined | bound | status |\n"
       "|---|---|---:|---:|---:|---:|---:|---|\n";
   for (const Unbiased& row : beyond.cases)
