@@ -38,7 +38,7 @@ struct FitSettings {
   // none: E as the paper has it (equation 9). A refined fit always whitens by the noise's covariance
   // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;
-  // Of a refined fit with noise: FitResult::intervals too, some ten times the work of the fit.
+  // Of a refined fit with noise: FitResult::intervals too, several times the work of the fit.
   bool profile_intervals = false;
   std::vector<ParameterBounds> bounds;  // override the model's own
   // From which material parameters follow; does not change the fit.

@@ -55,8 +55,8 @@ std::optional<Contradiction> find_contradiction(const Description& description);
 //     scan           {lines, columns, pixel_samples, settle_samples 0, windows 1, bidirectional false,
 //                    size_nm [0, 0]}
 //     noise          {temperature_k, detector_nm_per_sqrt_hz: a number, or a list of one a tone}
-//     fit            {model "dmt", refine 0, weighting "none": or "noise", profile_intervals false, bounds
-//     {}: {parameter: [lo, hi]},
+//     fit            {model "dmt", refine 0, weighting "none": or "noise", profile_intervals false,
+//                    bounds {}: {parameter: [lo, hi]},
 //                    tip absent: {radius_nm absent, half_angle_deg absent, sample_poisson_ratio absent,
 //                    tip_young_modulus_gpa absent, tip_poisson_ratio 0.27}} (fit/material.hpp)
 //     drive          {scheme "equal_energy", total_amplitude_nm 50, phases_rad []}; scheme: equal_energy,

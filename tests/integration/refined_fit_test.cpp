@@ -185,7 +185,7 @@ TEST(RefinedFit, IsAPureFunctionAndDoesNotAllocate) {
 }
 
 // Four tones at equal energy determine DMT so well that the linear approximation holds for the widths; the
-// trench of E bends, so the sides differ by a tenth.
+// trench of E bends, so the sides differ by a fifth: twice that is allowed.
 TEST(RefinedFit, IntervalsAreTheStandardErrorsWherePixelsAreLinear) {
   const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
   const std::vector<double> truth{-40.0, 1.0, 5.0, 0.5};

@@ -67,7 +67,8 @@ Tally fit_all(int pixels, const std::function<ModelPixel()>& draw) {
 
 #ifdef COMBFORCE_SLOW
 constexpr int pixels = 1000;
-constexpr std::uint64_t seeds = 90101;  // held out: nothing was looked at, or chosen, with these
+constexpr std::uint64_t seeds =
+    90101;  // the pixels of DMT with noise are held out: nothing was chosen by them
 #else
 constexpr int pixels = 60;
 constexpr std::uint64_t seeds = 1;
