@@ -6,16 +6,29 @@
 #include <numeric>
 
 namespace combforce {
+// J_k(theta), theta < 1 and k < order: Bessel's integral by the trapezoidal rule, which leaves out terms
+// below J_22. (std::cyl_bessel_j calls lgamma, which writes a global: a race when fitters are made by several
+// threads.)
+static double bessel(std::size_t k, double theta) {
+  constexpr std::size_t points = 32;
+  double sum = 0.0;
+  for (std::size_t j = 0; j < points; ++j) {
+    const double phi = 2.0 * std::numbers::pi * static_cast<double>(j) / points;
+    sum += std::cos(static_cast<double>(k) * phi - theta * std::sin(phi));
+  }
+  return sum / points;
+}
+
 // exp(i theta s) = J_0(theta) + 2 sum_k i^k J_k(theta) T_k(s) (Jacobi-Anger), cut after degree 9, in powers
 // of s. T_k has the parity of k, so even powers are real and odd ones imaginary.
 Motion::Polynomial expand_exponential(double theta) {
   Motion::Polynomial previous{}, current{}, sum{};
   previous[0] = 1.0;  // T_0
   current[1] = 1.0;   // T_1
-  sum[0] = std::cyl_bessel_j(0.0, theta);
+  sum[0] = bessel(0, theta);
   for (std::size_t k = 1; k < Motion::order; ++k) {
     const double sign = k % 4 < 2 ? 1.0 : -1.0;  // i^k = sign * (1 or i)
-    const double weight = 2.0 * sign * std::cyl_bessel_j(static_cast<double>(k), theta);
+    const double weight = 2.0 * sign * bessel(k, theta);
     for (std::size_t j = 0; j < Motion::order; ++j) sum[j] += weight * current[j];
     Motion::Polynomial next{};
     for (std::size_t j = 0; j < Motion::order; ++j)
