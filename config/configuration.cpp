@@ -103,8 +103,8 @@ void include_calibration(const JsonView& file, const std::filesystem::path& base
 }
 
 Configuration decode_configuration(const JsonView& root, const std::filesystem::path& base) {
-  root.only({"digitizer", "calibration", "channels", "cantilever", "comb", "free_response", "scan", "noise",
-             "fit", "pipeline", "server", "record", "log_level"});
+  root.only({"digitizer", "calibration", "channels", "cantilever", "excitation", "comb", "free_response",
+             "scan", "noise", "fit", "pipeline", "server", "record", "log_level"});
   Configuration configuration;
   configuration.description = decode_description(root, "");
   if (const auto calibration = root.find("calibration"))

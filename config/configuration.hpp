@@ -4,7 +4,7 @@
 //
 //     digitizer    {kind: simulated, simulation: {…}} (keys: simulation_codec.hpp), or
 //                  {kind: replay, replay: {recording, realtime false, verify true}}; absent: none
-//     channels, cantilever, comb, free_response, scan, noise, fit
+//     channels, cantilever, excitation, comb, free_response, scan, noise, fit
 //                  the objects of proto/description.hpp; a simulation takes from these what it does not say
 //     calibration  a file (proto/calibration.hpp) that gives cantilever, which must not stand here then, and
 //                  noise, unless that stands here

@@ -180,13 +180,20 @@ class Instrument::Impl {
     return summary;
   }
 
-  void capture_free(std::uint32_t windows, FreeDone done) {
+  void capture_free(std::uint32_t windows, Height height, FreeDone done) {
     if (digitizer_->status().scanning)
       throw std::logic_error("a scan is running: the free response is captured away from the surface");
     if (info().is_recording && !info().marks_lines)
       throw std::logic_error("a recording without lines has no free stretch to capture");
-    pipeline_->capture_free(windows, [this, done = std::move(done)](std::optional<FreeResponse> free,
-                                                                    std::string why) {
+    if (height == Height::lifted && !description().free_response)
+      throw std::logic_error("lifted: no free response far from the surface was captured before");
+    pipeline_->capture_free(windows, [this, height, done = std::move(done)](std::optional<FreeResponse> free,
+                                                                            std::string why) {
+      if (height == Height::lifted) {
+        take_lifted(free, why);
+        done(std::move(free), std::move(why));
+        return;
+      }
       if (free && !take_free(*free)) {
         free.reset();
         why = "the drive changed";
@@ -254,6 +261,25 @@ class Instrument::Impl {
     next.free_response = free;
     pipeline_->change(std::move(next));
     return true;
+  }
+
+  // Turns the captured response into the free response that it belongs to; or into none, and why.
+  void take_lifted(std::optional<FreeResponse>& free, std::string& why) {
+    const std::scoped_lock lock(changing_);
+    Description next = description();
+    if (free && (free->first_sample < drive_from_ || !next.free_response)) why = "the drive changed";
+    if (!free || !why.empty()) {
+      free.reset();
+      return;
+    }
+    next.free_response->lifted_nm = std::move(free->mean_nm);
+    free = next.free_response;
+    try {
+      pipeline_->change(std::move(next));
+    } catch (const std::invalid_argument& error) {  // of another drive
+      free.reset();
+      why = error.what();
+    }
   }
 
   void warn_of_lost_tone(const FreeResponse& free) const {
@@ -334,8 +360,8 @@ std::string Instrument::start_recording(const std::string& name) {
 RecordingSummary Instrument::stop_recording() {
   return impl_->stop_recording();
 }
-void Instrument::capture_free(std::uint32_t windows, FreeDone done) {
-  impl_->capture_free(windows, std::move(done));
+void Instrument::capture_free(std::uint32_t windows, Height height, FreeDone done) {
+  impl_->capture_free(windows, height, std::move(done));
 }
 void Instrument::cancel_free() {
   impl_->cancel_free();

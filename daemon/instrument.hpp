@@ -61,7 +61,10 @@ class Instrument {
   // `done` is called from the output thread; the captured response is in force from the next pixel on. With a
   // response it also gets why it is incoherent, if it is: pixels are flagged then, until a better one is
   // captured.
-  void capture_free(std::uint32_t windows, FreeDone done);
+  // `lifted`: just above the surface, for fits that remove a background (free_response.hpp); needs a free
+  // response, and is refused when it drifts.
+  enum class Height : std::uint8_t { far, lifted };
+  void capture_free(std::uint32_t windows, Height height, FreeDone done);
   void cancel_free();  // the capture under way, if there is one: its `done` says so
   Drive drive() const;
   void set_drive(const Drive& drive);

@@ -16,7 +16,51 @@ void require_positive(std::size_t mode, const char* field, double value) {
         fmt::format("cantilever.modes[{}].{}: {}, must be positive and finite", mode, field, value));
 }
 
+std::array<double, 4> values_of(const Mode& mode) {
+  return {mode.frequency_hz, mode.quality_factor, mode.stiffness_n_per_m,
+          std::abs(mode.sensitivity_nm_per_v)};
+}
+
+Eigen::Index index(std::size_t i) {
+  return static_cast<Eigen::Index>(i);
+}
+
 }  // namespace
+
+bool ModeUncertainty::operator==(const ModeUncertainty& other) const {
+  const auto same = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+  return std::ranges::equal(std_errors, other.std_errors, same) &&
+         std::ranges::equal(correlation, other.correlation, same);
+}
+
+Eigen::Matrix4d log_covariance(const Mode& mode, const ModeUncertainty& uncertainty) {
+  const auto values = values_of(mode);
+  Eigen::Matrix4d matrix;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    for (std::size_t j = i; j < values.size(); ++j) {
+      const double relative = uncertainty.std_errors[i] * uncertainty.std_errors[j] / (values[i] * values[j]);
+      const double correlation = i == j ? 1.0 : uncertainty.correlation[next++];
+      matrix(index(i), index(j)) = matrix(index(j), index(i)) = relative * correlation;
+    }
+  return matrix;
+}
+
+ModeUncertainty uncertainty_of(const Mode& mode, const Eigen::Matrix4d& log_covariance) {
+  const auto values = values_of(mode);
+  ModeUncertainty uncertainty;
+  const Eigen::Vector4d relative = log_covariance.diagonal().cwiseSqrt();
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    uncertainty.std_errors[i] = relative(index(i)) * values[i];
+    for (std::size_t j = i + 1; j < values.size(); ++j) {
+      const double size = relative(index(i)) * relative(index(j));
+      const double value = std::clamp(log_covariance(index(i), index(j)) / size, -1.0, 1.0);
+      uncertainty.correlation[next++] = size == 0.0 ? 0.0 : value;
+    }
+  }
+  return uncertainty;
+}
 
 void validate(const Cantilever& cantilever) {
   if (cantilever.modes.empty())
@@ -31,6 +75,9 @@ void validate(const Cantilever& cantilever) {
           fmt::format("cantilever.modes[{}].sensitivity_nm_per_v: {}, must be finite and not zero", m,
                       mode.sensitivity_nm_per_v));
   }
+  if (!cantilever.uncertainty.empty() && cantilever.uncertainty.size() != cantilever.modes.size())
+    throw std::invalid_argument(fmt::format("cantilever.uncertainty: {} elements, must have {}, one a mode",
+                                            cantilever.uncertainty.size(), cantilever.modes.size()));
 }
 
 std::complex<double> mode_response(const Mode& mode, double frequency_hz) {

@@ -3,6 +3,8 @@
 // Conventions: d(t) = Re sum_i D_i exp(+i w_i t), D_i peak phasors; paper, equations 1-5.
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <complex>
 #include <vector>
 
@@ -17,8 +19,22 @@ struct Mode {
   bool operator==(const Mode&) const = default;
 };
 
+// Of a mode's calibration, in the order of its fields. NaN: not known. Errors of different modes may be
+// correlated through what they share; that is not told here.
+struct ModeUncertainty {
+  std::array<double, 4> std_errors{};   // in the fields' units, >= 0
+  std::array<double, 6> correlation{};  // strict upper triangle, row by row
+
+  bool operator==(const ModeUncertainty& other) const;  // NaN equals NaN
+};
+
+// Covariance of (ln f, ln Q, ln k, ln |alpha|), and back.
+Eigen::Matrix4d log_covariance(const Mode& mode, const ModeUncertainty& uncertainty);
+ModeUncertainty uncertainty_of(const Mode& mode, const Eigen::Matrix4d& log_covariance);
+
 struct Cantilever {
-  std::vector<Mode> modes;  // at least one
+  std::vector<Mode> modes;                        // at least one
+  std::vector<ModeUncertainty> uncertainty = {};  // of the calibration: one a mode, or empty: not known
 
   bool operator==(const Cantilever&) const = default;
 };

@@ -12,6 +12,12 @@ void report_alternative(std::span<const double> parameters, double delta_chi2, F
   if (result.status == FitStatus::converged) result.status = FitStatus::ambiguous;
 }
 
+double corrected_akaike(const FitResult& result, std::size_t data) {
+  const auto n = static_cast<double>(data), k = static_cast<double>(result.parameters_count);
+  if (!(n > k + 1.0)) return std::numeric_limits<double>::quiet_NaN();
+  return result.chi2_reduced * (n - result.free_parameters) + 2.0 * k + 2.0 * k * (k + 1.0) / (n - k - 1.0);
+}
+
 FitResult unfitted(FitStatus status, std::size_t parameters_count) {
   constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
   FitResult result;

@@ -9,6 +9,9 @@
 namespace combforce {
 
 inline constexpr std::size_t max_parameters = 6;
+inline constexpr std::size_t most_compared = 8;  // models beside the one of a fit
+
+struct ModelInfo;
 
 enum class FitStatus : std::uint8_t {
   converged,         // parameters valid
@@ -26,11 +29,23 @@ enum class FitStatus : std::uint8_t {
   ambiguous  // other parameters explain the pixel as well: see `alternative`
 };
 
+constexpr std::array<double, max_parameters> unknown_values() {
+  std::array<double, max_parameters> values{};
+  values.fill(std::numeric_limits<double>::quiet_NaN());
+  return values;
+}
 constexpr std::array<std::array<double, 2>, max_parameters> unknown_intervals() {
   std::array<std::array<double, 2>, max_parameters> intervals{};
   for (auto& interval : intervals) interval.fill(std::numeric_limits<double>::quiet_NaN());
   return intervals;
 }
+
+// What another model makes of the pixel.
+struct ComparedModel {
+  const ModelInfo* model = nullptr;
+  FitStatus status = FitStatus::not_fitted;
+  double chi2_reduced = 0.0, aicc = 0.0;  // NaN: not known
+};
 
 // Arrays are in the model's order; only the first `parameters_count` are meaningful. NaN: not known. Default:
 // as for `not_fitted`.
@@ -39,13 +54,21 @@ struct FitResult {
   std::uint32_t refinements = 0;  // off-comb iterations done (0: the paper's partial motion)
   std::uint32_t iterations = 0;   // of the solver, all starts and grids together
   std::uint32_t parameters_count = 0;
-  double chi2_reduced = 0.0;  // NaN without a noise model or degrees of freedom
+  std::uint32_t free_parameters = 0;  // of them: not held at a bound, nor without effect
+  double chi2_reduced = 0.0;          // NaN without a noise model or degrees of freedom
   std::array<double, max_parameters> parameters{};
   std::array<double, max_parameters> std_errors{};
   // Profile intervals, where they were asked for: [lower, upper] at which the least chi^2 over the other
   // parameters has risen by 1, or the parameter's bound before. 68 % also where the standard errors, their
   // linear approximation, do not hold. NaN: not known.
   std::array<std::array<double, 2>, max_parameters> intervals = unknown_intervals();
+  // Standard errors by the cantilever's uncertainty alone, the same for all pixels alike and so not part of
+  // std_errors. NaN: not asked for, or not found.
+  std::array<double, max_parameters> calibration_errors = unknown_values();
+  // corrected_akaike() of this fit and of others, where a comparison was asked for.
+  double aicc = std::numeric_limits<double>::quiet_NaN();
+  std::uint32_t compared_count = 0;
+  std::array<ComparedModel, most_compared> compared{};
   // How far the parameters move if the quadrature of the force balance is refined: its own error estimate.
   std::array<double, max_parameters> quadrature_errors{};
   // Strict upper triangle, row by row: (0,1), (0,2), …, (1,2), …
@@ -66,6 +89,13 @@ struct FitResult {
 // relied on.
 inline constexpr double indistinguishable_delta_chi2 = 4.0;
 void report_alternative(std::span<const double> parameters, double delta_chi2, FitResult& result);
+
+// Akaike's information criterion corrected for few data, chi^2 + 2k + 2k(k + 1)/(n - k - 1), of n data and k
+// fitted parameters (Hurvich, Tsai 1989, Biometrika 76, 297): of two models the one with the lesser value is
+// expected to predict better, clearly so when they differ by more than about 5. The determinant of the
+// noise's covariance, which depends a little on the model in refined fits, is left out. NaN: chi^2 is not
+// known, or n <= k + 1.
+double corrected_akaike(const FitResult& result, std::size_t data);
 
 // Everything unknown, with the given status.
 FitResult unfitted(FitStatus status, std::size_t parameters_count);

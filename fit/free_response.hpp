@@ -15,6 +15,9 @@ struct FreeResponse {
   // Covariance of the mean, row-major over [re_0, im_0, re_1, im_1, ...], nm^2; absent when not known.
   std::optional<std::vector<double>> covariance;
   bool coherent = true;  // false: it drifted while it was captured; no force can be measured from it
+  // The same captured just above the surface, out of reach of the force to be fitted, with the same drive:
+  // what FitSettings::background takes its force from. Absent: not captured.
+  std::optional<std::vector<std::complex<double>>> lifted_nm = std::nullopt;
 
   bool operator==(const FreeResponse&) const = default;
 };

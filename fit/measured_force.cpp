@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "fit/pixel_fitter.hpp"
+#include "fit/fit_conditions.hpp"
 
 namespace combforce {
 namespace {

@@ -7,7 +7,9 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "fit/background.hpp"
 #include "fit/box_least_squares.hpp"
+#include "fit/calibration_errors.hpp"
 #include "fit/fitter.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/harmonics.hpp"
@@ -34,54 +36,6 @@ std::vector<Bounds> bounds_of(const FitSettings& settings) {
   return bounds;
 }
 
-void validate_bounds(const FitSettings& settings) {
-  const ModelInfo& model = find_model(settings.model);
-  for (std::size_t i = 0; i < settings.bounds.size(); ++i) {
-    const ParameterBounds& own = settings.bounds[i];
-    const auto info = std::ranges::find(model.parameters, own.parameter, &ParameterInfo::name);
-    if (info == model.parameters.end())
-      throw std::invalid_argument(fmt::format("settings.bounds[{}].parameter: \"{}\", not of model {}", i,
-                                              own.parameter, model.name));
-    if (!std::isfinite(own.lower) || !std::isfinite(own.upper) || !(own.lower < own.upper))
-      throw std::invalid_argument(fmt::format("settings.bounds[{}]: {} to {}, must be finite and ascending",
-                                              i, own.lower, own.upper));
-    if (info->lower > 0.0 && !(own.lower > 0.0))
-      throw std::invalid_argument(
-          fmt::format("settings.bounds[{}].lower: {}, must be positive for {}", i, own.lower, own.parameter));
-  }
-}
-
-void validate_free_response(const FreeResponse& free, std::size_t tones) {
-  if (free.mean_nm.size() != tones)
-    throw std::invalid_argument(
-        fmt::format("free_response.mean_nm: {} values for {} tones", free.mean_nm.size(), tones));
-  for (std::size_t i = 0; i < tones; ++i)
-    if (!std::isfinite(std::abs(free.mean_nm[i])))
-      throw std::invalid_argument(fmt::format("free_response.mean_nm[{}]: must be finite", i));
-  if (free.covariance && free.covariance->size() != 4 * tones * tones)
-    throw std::invalid_argument(fmt::format("free_response.covariance: {} values, must be {} for {} tones",
-                                            free.covariance->size(), 4 * tones * tones, tones));
-}
-
-void validate_weighting(const FitConditions& conditions) {
-  if (conditions.settings.weighting == Weighting::none) return;
-  if (!conditions.noise)
-    throw std::invalid_argument("settings.weighting: noise, but conditions.noise is missing");
-  const auto& detector = conditions.noise->detector_nm_per_sqrt_hz;
-  if (conditions.noise->temperature_k == 0.0 && std::ranges::find(detector, 0.0) != detector.end())
-    throw std::invalid_argument(
-        "settings.weighting: noise, but noise.temperature_k and detector noise are 0");
-}
-
-void validate_intervals(const FitConditions& conditions) {
-  if (!conditions.settings.profile_intervals) return;
-  if (conditions.settings.refine == 0)
-    throw std::invalid_argument(
-        "settings.profile_intervals: true, but settings.refine is 0, must be at least 1");
-  if (!conditions.noise)
-    throw std::invalid_argument("settings.profile_intervals: true, but conditions.noise is missing");
-}
-
 double spacing_hz(const FitConditions& conditions) {
   return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
 }
@@ -93,31 +47,45 @@ bool plausible(std::span<const std::complex<double>> tones) {
   return std::ranges::all_of(tones, [](std::complex<double> tone) { return std::abs(tone) <= longest_nm; });
 }
 
-}  // namespace
-
-void validate(const FitConditions& conditions) {
-  if (!(conditions.sample_rate_hz > 0.0) || !std::isfinite(conditions.sample_rate_hz))
-    throw std::invalid_argument(
-        fmt::format("sample_rate_hz: {}, must be positive and finite", conditions.sample_rate_hz));
-  validate(conditions.comb);
-  if (conditions.windows < 1) throw std::invalid_argument("windows: 0, must be at least 1");
-  validate(conditions.cantilever);
-  const std::size_t tones = conditions.comb.tones.size();
-  if (conditions.free_response) validate_free_response(*conditions.free_response, tones);
-  if (conditions.noise) validate(*conditions.noise, tones);
-  validate_bounds(conditions.settings);
-  if (conditions.settings.tip) validate(*conditions.settings.tip);
-  validate_weighting(conditions);
-  validate_intervals(conditions);
+std::vector<std::complex<double>> motion_beside_deflection(const FitConditions& conditions) {
+  if (!conditions.free_response) return std::vector<std::complex<double>>(conditions.comb.tones.size());
+  return motion_beside_deflection(conditions.excitation, conditions.cantilever, frequencies_hz(conditions),
+                                  conditions.free_response->mean_nm);
 }
+
+// The conditions as a force at the tip has them: the free motion of the whole tip, and where a background is
+// removed that near the surface, with the cantilever as it is there.
+FitConditions at_surface(const FitConditions& conditions, std::span<const std::complex<double>> beside_nm) {
+  FitConditions here = conditions;
+  if (!here.free_response) return here;
+  std::vector<std::complex<double>>& mean_nm = here.free_response->mean_nm;
+  if (conditions.settings.background == Background::linear) {
+    const auto& lifted_nm = conditions.free_response->lifted_nm;
+    if (lifted_nm) {
+      here.cantilever = near_surface(conditions.cantilever, frequencies_hz(conditions), mean_nm, *lifted_nm);
+      mean_nm = *lifted_nm;
+    }
+  }
+  for (std::size_t i = 0; i < beside_nm.size(); ++i) mean_nm[i] += beside_nm[i];
+  return here;
+}
+
+// Whether there is something that forces can be measured from.
+bool refers(const FitConditions& conditions) {
+  return conditions.free_response &&
+         (conditions.settings.background == Background::none || conditions.free_response->lifted_nm);
+}
+
+}  // namespace
 
 class PixelFitter::State {
  public:
-  explicit State(const FitConditions& conditions)
+  // `beside_nm`: what moves the tip besides its deflection, and is part of the conditions' free response.
+  State(const FitConditions& conditions, std::vector<std::complex<double>> beside_nm)
       : comb_(conditions.comb),
         model_(&find_model(conditions.settings.model)),
         tones_(conditions.comb.tones.size()),
-        refers_(conditions.free_response.has_value()),
+        refers_(refers(conditions)),
         harmonics_(harmonics_of(conditions)),
         measured_(refers_ ? conditions : without_motion(conditions), strong_hz(harmonics_.get())),
         balance_(bins_of(conditions.comb), spacing_hz(conditions)),
@@ -125,6 +93,7 @@ class PixelFitter::State {
         weights_(weights_of(conditions, measured_)),
         whitening_(whitening(measured_, weights_)),
         ones_(tones_, 1.0),
+        beside_nm_(std::move(beside_nm)),
         turns_(tones_),
         tip_nm_(tones_),
         last_(tones_) {}
@@ -224,7 +193,7 @@ class PixelFitter::State {
     for (std::size_t i = 0; i < tones_; ++i) {
       const std::uint64_t index = phase_index(comb_.tones[i].bin, first_sample, comb_.window_samples);
       turns_[i] = std::polar(1.0, phase_radians(index, comb_.window_samples));
-      tip_nm_[i] = turns_[i] * tip_nm[i];
+      tip_nm_[i] = turns_[i] * (tip_nm[i] + beside_nm_[i]);
     }
     measured_.set(tip_nm_, turns_);
   }
@@ -247,13 +216,27 @@ class PixelFitter::State {
   std::vector<double> weights_;
   Whitening whitening_;
   std::vector<double> ones_;
+  std::vector<std::complex<double>> beside_nm_;
   std::vector<std::complex<double>> turns_, tip_nm_;  // of the pixel, from sample 0 to its first and there
   std::vector<std::complex<double>> last_;            // tones of the motion in balance_; all 0 at first
 };
 
 PixelFitter::PixelFitter(const FitConditions& conditions) {
   validate(conditions);
-  state_ = std::make_unique<State>(conditions);
+  const auto beside_nm = motion_beside_deflection(conditions);
+  state_ = std::make_unique<State>(at_surface(conditions, beside_nm), beside_nm);
+  if (conditions.settings.calibration_errors)
+    calibration_errors_ = std::make_unique<CalibrationErrors>(conditions);
+  for (const std::string& model : conditions.settings.compare) {
+    FitConditions other = conditions;
+    other.settings = single_fit(conditions.settings);
+    other.settings.model = model;
+    std::erase_if(other.settings.bounds, [&](const ParameterBounds& bounds) {
+      return std::ranges::find(find_model(model).parameters, bounds.parameter, &ParameterInfo::name) ==
+             find_model(model).parameters.end();
+    });
+    compared_.emplace_back(other);
+  }
 }
 PixelFitter::~PixelFitter() = default;
 PixelFitter::PixelFitter(PixelFitter&&) noexcept = default;
@@ -262,14 +245,23 @@ PixelFitter& PixelFitter::operator=(PixelFitter&&) noexcept = default;
 void PixelFitter::fit(std::span<const std::complex<double>> tip_nm, FitResult& result,
                       std::uint64_t first_sample) {
   state_->fit(tip_nm, first_sample, {}, result);
+  if (calibration_errors_) calibration_errors_->find(tip_nm, first_sample, result);
+  if (compared_.empty()) return;
+  const std::size_t data = 2 * tip_nm.size();
+  result.aicc = corrected_akaike(result, data);
+  for (PixelFitter& other : compared_) {
+    other.fit(tip_nm, other_, first_sample);
+    result.compared[result.compared_count++] = {&other.model(), other_.status, other_.chi2_reduced,
+                                                corrected_akaike(other_, data)};
+  }
 }
 
 void PixelFitter::fit_from(std::span<const std::complex<double>> tip_nm, std::span<const double> start,
-                           FitResult& result) {
+                           FitResult& result, std::uint64_t first_sample) {
   if (start.size() != model().parameters.size())
     throw std::invalid_argument(fmt::format("start: {} values, but model {} has {}", start.size(),
                                             model().name, model().parameters.size()));
-  state_->fit(tip_nm, 0, start, result);
+  state_->fit(tip_nm, first_sample, start, result);
 }
 
 double PixelFitter::error(std::span<const std::complex<double>> tip_nm, std::span<const double> parameters) {

@@ -58,7 +58,7 @@ Known known_of_first(const MeasuredMode& first, const CalibrationSettings& setti
 
 // ln k + 2 ln alpha = ln(c kB T) - ln P.
 void complete(const MeasuredMode& measured, const Known& known, const CalibrationSettings& settings,
-              CalibratedCantilever& result) {
+              Cantilever& result) {
   const double energy = settings.correction_factor * boltzmann_nn_nm_per_k * settings.temperature_k;
   const FittedMode& fitted = measured.mode;
   Mode mode{fitted.frequency_hz, fitted.quality_factor, known.value, known.value};
@@ -82,14 +82,14 @@ void complete(const MeasuredMode& measured, const Known& known, const Calibratio
   Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
   covariance.topLeftCorner<3, 3>() = measured.covariance;
   covariance(3, 3) = known.relative_error * known.relative_error;
-  result.cantilever.modes.push_back(mode);
-  result.uncertainty.push_back({rows * covariance * rows.transpose()});
+  result.modes.push_back(mode);
+  result.uncertainty.push_back(uncertainty_of(mode, rows * covariance * rows.transpose()));
 }
 
 // Carried from the first mode, whose statistical error becomes part of what is known.
-Known scaled(const CalibratedCantilever& first, unsigned from, unsigned to, ModeScaling scaling) {
-  const Mode& mode = first.cantilever.modes.front();
-  const Eigen::Matrix4d& covariance = first.uncertainty.front().covariance;
+Known scaled(const Cantilever& first, unsigned from, unsigned to, ModeScaling scaling) {
+  const Mode& mode = first.modes.front();
+  const Eigen::Matrix4d covariance = log_covariance(mode, first.uncertainty.front());
   if (scaling == ModeScaling::stiffness)
     return {mode.stiffness_n_per_m * beam_stiffness_ratio(to) / beam_stiffness_ratio(from), true,
             Eigen::Vector3d::Zero(), std::sqrt(covariance(2, 2))};
@@ -104,13 +104,12 @@ MeasuredMode measured_mode(const ThermalFit& fit, std::size_t mode) {
   return {fit.modes.at(mode), fit.covariance.block<3, 3>(first, first)};
 }
 
-CalibratedCantilever calibrate_thermal(std::span<const MeasuredMode> modes,
-                                       const CalibrationSettings& settings) {
+Cantilever calibrate_thermal(std::span<const MeasuredMode> modes, const CalibrationSettings& settings) {
   check(modes, settings);
   const auto number = [&](std::size_t m) {
     return settings.mode_numbers.empty() ? static_cast<unsigned>(m + 1) : settings.mode_numbers[m];
   };
-  CalibratedCantilever result;
+  Cantilever result;
   for (std::size_t m = 0; m < modes.size(); ++m) {
     Known known{};
     if (m == 0) {

@@ -45,19 +45,6 @@ struct CalibrationSettings {
   std::optional<BeamInFluid> beam;     // needed for sader
 };
 
-// Covariance of (ln f0, ln Q, ln k, ln |alpha|), statistical and that of the known quantity. Errors of
-// different modes are correlated through what they share; that is not told here. NaN: not determined.
-struct ModeUncertainty {
-  Eigen::Matrix4d covariance = Eigen::Matrix4d::Constant(0.0);
-
-  bool operator==(const ModeUncertainty&) const = default;
-};
-
-struct CalibratedCantilever {
-  Cantilever cantilever;
-  std::vector<ModeUncertainty> uncertainty;  // one a mode
-};
-
 // A mode as fitted, with its (ln f0, ln Q, ln P) covariance.
 struct MeasuredMode {
   FittedMode mode;
@@ -65,8 +52,8 @@ struct MeasuredMode {
 };
 MeasuredMode measured_mode(const ThermalFit& fit, std::size_t mode);
 
-// Throws std::invalid_argument naming field, value and bound.
-CalibratedCantilever calibrate_thermal(std::span<const MeasuredMode> modes,
-                                       const CalibrationSettings& settings);
+// With its uncertainty: statistical, and of the known quantity; NaN where it is not determined. Throws
+// std::invalid_argument naming field, value and bound.
+Cantilever calibrate_thermal(std::span<const MeasuredMode> modes, const CalibrationSettings& settings);
 
 }  // namespace combforce

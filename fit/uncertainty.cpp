@@ -76,8 +76,11 @@ std::array<double, max_parameters> minimum_shift(const Linearization& at,
 bool estimate_uncertainty(const Linearization& at, const Eigen::Ref<const Eigen::MatrixXd>& covariance,
                           double chi2, bool noise_known, FitResult& result) {
   const Normal normal = normal_equations(at);
-  if (!noise_known || !normal.regular) return normal.regular;
   const Eigen::Index count = at.jacobian.cols(), rows = at.jacobian.rows();
+  result.free_parameters = static_cast<std::uint32_t>((normal.scale.array() > 0.0).count());
+  if (rows > result.free_parameters && std::isfinite(chi2))
+    result.chi2_reduced = chi2 / static_cast<double>(rows - result.free_parameters);
+  if (!noise_known || !normal.regular) return normal.regular;
   const auto weighted = [&](Eigen::Index row, Eigen::Index k) {
     return at.weights[static_cast<std::size_t>(row / 2)] * at.jacobian(row, k) * normal.scale(k);
   };
@@ -91,10 +94,8 @@ bool estimate_uncertainty(const Linearization& at, const Eigen::Ref<const Eigen:
     }
   const Small inverse = normal.factor.solve(Small::Identity(count, count));
   const Small of_parameters = inverse * meat * inverse;
-  Eigen::Index free = 0;
   for (Eigen::Index k = 0; k < count; ++k) {
     if (normal.scale(k) == 0.0) continue;
-    ++free;
     result.std_errors[static_cast<std::size_t>(k)] = normal.scale(k) * std::sqrt(of_parameters(k, k));
   }
   std::size_t pair = 0;
@@ -102,7 +103,6 @@ bool estimate_uncertainty(const Linearization& at, const Eigen::Ref<const Eigen:
     for (Eigen::Index l = k + 1; l < count; ++l, ++pair)
       if (normal.scale(k) > 0.0 && normal.scale(l) > 0.0)
         result.correlation[pair] = of_parameters(k, l) / std::sqrt(of_parameters(k, k) * of_parameters(l, l));
-  if (rows > free && std::isfinite(chi2)) result.chi2_reduced = chi2 / static_cast<double>(rows - free);
   return true;
 }
 

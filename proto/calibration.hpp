@@ -1,17 +1,13 @@
 // The calibration file: a calibrated cantilever with its errors and where it comes from. Configurations
 // include it by `"calibration": "FILE"`.
 //
-//     {"cantilever": …, "noise": …,       the objects of proto/description.hpp
-//      "uncertainty": [{"std_errors": {the keys of a mode}, "correlation": [6]}, …]   one a mode; may be
-//      absent "origin": {…}}                     how it was found, for people: any keys; may be absent
-//
-// correlation: strict upper triangle in the order of a mode's keys. Errors that are not known are null.
+//     {"cantilever": …, "noise": …,       the objects of proto/description.hpp, uncertainty included
+//      "origin": {…}}                     how it was found, for people: any keys; may be absent
 #pragma once
 
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "fit/thermal_calibration.hpp"
 #include "proto/description.hpp"
@@ -22,8 +18,7 @@ namespace combforce {
 struct Calibration {
   Cantilever cantilever;
   Noise noise;
-  std::vector<ModeUncertainty> uncertainty;  // one a mode, or empty
-  Json origin;                               // an object, or null
+  Json origin;  // an object, or null
 };
 
 // Throw InputError with file, pointer, value and bound.

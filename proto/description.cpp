@@ -26,6 +26,7 @@ void encode_one(Json& object, const std::optional<T>& source, std::string_view p
 Description overlay(Description base, const Description& top) {
   overlay_one(base.channels, top.channels);
   overlay_one(base.cantilever, top.cantilever);
+  overlay_one(base.excitation, top.excitation);
   overlay_one(base.comb, top.comb);
   overlay_one(base.free_response, top.free_response);
   overlay_one(base.scan, top.scan);
@@ -35,6 +36,15 @@ Description overlay(Description base, const Description& top) {
 }
 
 std::optional<Contradiction> find_contradiction(const Description& description) {
+  if (description.excitation && description.cantilever && !description.excitation->participation.empty() &&
+      description.excitation->participation.size() != description.cantilever->modes.size())
+    return Contradiction{
+        "/excitation/participation",
+        fmt::format("has {} elements, must have {}, one a mode of the cantilever",
+                    description.excitation->participation.size(), description.cantilever->modes.size())};
+  if (description.fit && description.fit->calibration_errors && description.cantilever &&
+      description.cantilever->uncertainty.empty())
+    return Contradiction{"/fit/calibration_errors", "is true, but the cantilever's uncertainty is not known"};
   if (!description.comb) return std::nullopt;
   const std::size_t tones = description.comb->tones.size();
   if (description.free_response && description.free_response->mean_nm.size() != tones)
@@ -64,6 +74,7 @@ Description decode_description(const JsonView& object, std::string_view prefix, 
   Description description;
   decode_one(description.channels, object, prefix, "channels", unknown, decode_channels);
   decode_one(description.cantilever, object, prefix, "cantilever", unknown, decode_cantilever);
+  decode_one(description.excitation, object, prefix, "excitation", unknown, decode_excitation);
   decode_one(description.comb, object, prefix, "comb", unknown, decode_comb);
   decode_one(description.free_response, object, prefix, "free_response", unknown, decode_free_response);
   decode_one(description.scan, object, prefix, "scan", unknown, decode_scan);
@@ -79,6 +90,7 @@ Description decode_description(const JsonView& object, std::string_view prefix, 
 void encode_into(Json& object, const Description& description, std::string_view prefix) {
   encode_one(object, description.channels, prefix, "channels");
   encode_one(object, description.cantilever, prefix, "cantilever");
+  encode_one(object, description.excitation, prefix, "excitation");
   encode_one(object, description.comb, prefix, "comb");
   encode_one(object, description.free_response, prefix, "free_response");
   encode_one(object, description.scan, prefix, "scan");

@@ -10,9 +10,10 @@
 #include "dsp/scan.hpp"
 #include "fit/cantilever.hpp"
 #include "fit/drive.hpp"
+#include "fit/excitation.hpp"
+#include "fit/fit_conditions.hpp"
 #include "fit/free_response.hpp"
 #include "fit/noise.hpp"
-#include "fit/pixel_fitter.hpp"
 #include "proto/json.hpp"
 
 namespace combforce {
@@ -21,6 +22,7 @@ namespace combforce {
 struct Description {
   std::optional<Channels> channels;
   std::optional<Cantilever> cantilever;
+  std::optional<Excitation> excitation;
   std::optional<Comb> comb;
   std::optional<FreeResponse> free_response;
   std::optional<ScanLayout> scan;
@@ -48,14 +50,18 @@ std::optional<Contradiction> find_contradiction(const Description& description);
 //     channels       [{name, role, unit "V", scale 1, offset 0, nm_per_v absent, clip_codes absent: [lo,
 //     hi]}]
 //                    role: deflection (channel 0), z, reference, marker; unit: V, nm
-//     cantilever     {modes: [{frequency_hz, quality_factor, stiffness_n_per_m, sensitivity_nm_per_v 1}]}
+//     cantilever     {modes: [{frequency_hz, quality_factor, stiffness_n_per_m, sensitivity_nm_per_v 1}],
+//                    uncertainty absent: [{std_errors: {the keys of a mode}, correlation: [6]}], one a mode;
+//                    null: not known}; correlation: strict upper triangle in the order of a mode's keys
+//     excitation     {kind: tip or base, participation absent: [one a mode]} (fit/excitation.hpp)
 //     comb           {window_samples, tones: [{bin, driven true}]}
 //     free_response  {first_sample 0, windows 0, mean_nm: [[re, im], …], covariance absent: rows [[…], …],
-//                    coherent true}, or mean_nm alone
+//                    coherent true, lifted_nm absent: [[re, im], …]}, or mean_nm alone
 //     scan           {lines, columns, pixel_samples, settle_samples 0, windows 1, bidirectional false,
 //                    size_nm [0, 0]}
 //     noise          {temperature_k, detector_nm_per_sqrt_hz: a number, or a list of one a tone}
 //     fit            {model "dmt", refine 0, weighting "none": or "noise", profile_intervals false,
+//                    calibration_errors false, background "none": or "linear", compare []: further models,
 //                    bounds {}: {parameter: [lo, hi]},
 //                    tip absent: {radius_nm absent, half_angle_deg absent, sample_poisson_ratio absent,
 //                    tip_young_modulus_gpa absent, tip_poisson_ratio 0.27}} (fit/material.hpp)
@@ -68,6 +74,7 @@ inline constexpr std::uint32_t most_pixels_a_side = 1U << 20;
 
 Channels decode_channels(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
 Cantilever decode_cantilever(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
+Excitation decode_excitation(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
 Comb decode_comb(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
 FreeResponse decode_free_response(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
 ScanLayout decode_scan(const JsonView& view, UnknownKeys unknown = UnknownKeys::refuse);
@@ -77,6 +84,7 @@ Drive decode_drive(const JsonView& view, UnknownKeys unknown = UnknownKeys::refu
 
 Json encode(const Channels& channels);
 Json encode(const Cantilever& cantilever);
+Json encode(const Excitation& excitation);
 Json encode(const Comb& comb);
 Json encode(const FreeResponse& free_response);
 Json encode(const ScanLayout& scan);

@@ -113,6 +113,20 @@ void append_intervals(std::string& out, const ModelInfo& model,
   out += '}';
 }
 
+void append_comparison(std::string& out, const FitResult& fit) {
+  out += R"(,"aicc":)";
+  append_number(out, fit.aicc);
+  out += R"(,"compared":{)";
+  append_list(out, std::span(fit.compared).first(fit.compared_count), [&](const ComparedModel& other) {
+    append(out, R"("{}":{{"status":"{}","chi2_reduced":)", other.model->name, to_string(other.status));
+    append_number(out, other.chi2_reduced);
+    out += R"(,"aicc":)";
+    append_number(out, other.aicc);
+    out += '}';
+  });
+  out += '}';
+}
+
 void append_material(std::string& out, const MaterialParameters& material) {
   out += R"(,"material":{)";
   bool first = true;
@@ -141,6 +155,10 @@ void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit, 
   append_by_parameter(out, *model, {fit.std_errors.data(), count});
   if (std::ranges::any_of(fit.intervals, [](const auto& ends) { return !nothing_known(ends); }))
     append_intervals(out, *model, {fit.intervals.data(), count});
+  if (!nothing_known(fit.calibration_errors)) {
+    out += R"(,"calibration_errors":)";
+    append_by_parameter(out, *model, {fit.calibration_errors.data(), count});
+  }
   out += R"(,"correlation":)";
   const std::span<const double> correlation(fit.correlation.data(),
                                             count * (count - (count > 0 ? 1 : 0)) / 2);
@@ -158,6 +176,7 @@ void append_fit(std::string& out, const ModelInfo* model, const FitResult& fit, 
     append_by_parameter(out, *model, {fit.alternative.data(), count});
     out += '}';
   }
+  if (fit.compared_count > 0) append_comparison(out, fit);
   out += R"(,"virial_nn_nm":)";
   append_number(out, fit.virial_nn_nm);
   out += R"(,"dissipated_fw":)";

@@ -22,7 +22,9 @@ enum class PixelFields : std::uint8_t { fit, tones, all };
 // What a pixel message says: the pixel, its tones as tip deflection (nm, one a tone of the comb; NaN becomes
 // null), and the fit. Without a model (null) the fit says {"model": null, "status": …} alone. Parameters,
 // standard errors and correlation are null as a whole when none of their values is known, and null one by one
-// else. "intervals", {parameter: [lower, upper]}, are there when a profile was asked for and found. Where the
+// else. "intervals", {parameter: [lower, upper]}, are there when a profile was asked for and found, so are
+// "calibration_errors", {parameter: error}; "aicc" and "compared", {model: {status, chi2_reduced, aicc}},
+// when models were compared. Where the
 // tip is known, the fit ends with "material": the quantities of fit/material.hpp that follow, and the theory
 // of adhesion that the Tabor number asks for.
 struct PixelMessage {

@@ -246,7 +246,7 @@ std::optional<double> vendor_stiffness(const VendorFit& vendor) {
   settings.temperature_k = *vendor.temperature_k;
   settings.correction_factor = vendor.correction_factor.value_or(1.0);
   settings.values = {*vendor.sensitivity_nm_per_v};
-  return calibrate_thermal(std::vector{mode}, settings).cantilever.modes[0].stiffness_n_per_m;
+  return calibrate_thermal(std::vector{mode}, settings).modes[0].stiffness_n_per_m;
 }
 
 ThermalResult calibrate(const ThermalCommand& options) {

@@ -40,14 +40,10 @@ std::string mode_text(const ThermalResult& result, const BandFit& one, std::size
       with_error(fitted.quality_factor, fitted.quality_factor * one.fit.quality_error(within)));
   row("thermal signal", scientific(fitted.variance_v2, one.fit.variance_error(within)) + " V²");
   if (!result.calibrated) return text;
-  const Mode& calibrated = result.calibrated->cantilever.modes[mode];
-  const Eigen::Matrix4d& covariance = result.calibrated->uncertainty[mode].covariance;
-  row("stiffness",
-      with_error(calibrated.stiffness_n_per_m, calibrated.stiffness_n_per_m * std::sqrt(covariance(2, 2))) +
-          " N/m");
-  row("sensitivity", with_error(calibrated.sensitivity_nm_per_v,
-                                calibrated.sensitivity_nm_per_v * std::sqrt(covariance(3, 3))) +
-                         " nm/V");
+  const Mode& calibrated = result.calibrated->modes[mode];
+  const auto& errors = result.calibrated->uncertainty[mode].std_errors;
+  row("stiffness", with_error(calibrated.stiffness_n_per_m, errors[2]) + " N/m");
+  row("sensitivity", with_error(calibrated.sensitivity_nm_per_v, errors[3]) + " nm/V");
   return text;
 }
 
@@ -184,7 +180,7 @@ Json report_json(const ThermalResult& result) {
   if (!result.calibrated) return report;
   report["method"] = method_names[static_cast<std::size_t>(result.settings.known)];
   report["correction_factor"] = result.settings.correction_factor;
-  if (result.calibrated->cantilever.modes.size() > 1 && result.settings.values.size() < 2)
+  if (result.calibrated->modes.size() > 1 && result.settings.values.size() < 2)
     report["scaling"] = scaling_names[static_cast<std::size_t>(result.settings.scaling)];
   if (result.vendor_stiffness_n_per_m)
     report["vendor"] = {{"stiffness_n_per_m", *result.source.vendor->stiffness_n_per_m},
@@ -199,12 +195,11 @@ std::vector<std::string> warnings(const ThermalResult& result) {
 }
 
 Calibration calibration_of(const ThermalResult& result) {
-  const CalibratedCantilever& calibrated = result.calibrated.value();
+  const Cantilever& calibrated = result.calibrated.value();
   const ThermalFit& first = result.fits.front().fit;
   const double detector = first.floor_determined ? std::sqrt(first.floor_v2_per_hz) : 0.0;
-  return {calibrated.cantilever,
-          {result.settings.temperature_k, {detector * calibrated.cantilever.modes[0].sensitivity_nm_per_v}},
-          calibrated.uncertainty,
+  return {calibrated,
+          {result.settings.temperature_k, {detector * calibrated.modes[0].sensitivity_nm_per_v}},
           report_json(result)};
 }
 

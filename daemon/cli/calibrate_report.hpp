@@ -24,7 +24,7 @@ struct ThermalResult {
   ThermalSource source;
   std::vector<BandFit> fits;  // in the order of modes
   CalibrationSettings settings;
-  std::optional<CalibratedCantilever> calibrated;  // absent: neither sensitivity nor stiffness was known
+  std::optional<Cantilever> calibrated;            // absent: neither sensitivity nor stiffness was known
   std::optional<double> vendor_stiffness_n_per_m;  // from the vendor's fit by our formula
 };
 

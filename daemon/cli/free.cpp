@@ -19,6 +19,7 @@ namespace {
 struct FreeOptions {
   std::string connect;
   std::uint32_t windows = 16;
+  bool lifted = false;
   bool json = false;
 };
 
@@ -34,7 +35,7 @@ void print(const FreeResponse& response, const Comb& comb, double sample_rate_hz
 
 int run_free(const FreeOptions& options) {
   Client client(options.connect);
-  const Json result = client.call("free.capture", {{"windows", options.windows}});
+  const Json result = client.call("free.capture", {{"windows", options.windows}, {"lifted", options.lifted}});
   if (options.json) {
     fmt::print("{}\n", result.dump());
     return exit_done;
@@ -56,6 +57,9 @@ void add_free(CLI::App& app, Command& command) {
   free->add_option("--windows", options->windows, "Comb windows to average")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
+  free->add_flag(
+      "--lifted", options->lifted,
+      "the tip is just above the surface: for fits that remove a background, beside the one far away");
   free->add_flag("--json", options->json, "the daemon's answer as JSON");
   free->callback([options, &command] { command = [options] { return run_free(*options); }; });
 }

@@ -59,6 +59,7 @@ int run_simulate(const SimulateCommand& options) {
   std::string no_reference;
   Instrument instrument(configuration, outputs);
   instrument.capture_free(static_cast<std::uint32_t>(simulation.free_seconds / window_s(simulation)),
+                          Instrument::Height::far,
                           [&](const std::optional<FreeResponse>& free, const std::string& why) {
                             if (!why.empty())
                               no_reference = (free ? "incoherent: " : "no free response: ") + why;

@@ -25,6 +25,7 @@ FitConditions conditions_of(const StreamInfo& info, const Analysis& analysis) {
           .comb = *description.comb,
           .windows = analysis.layout.windows,
           .cantilever = description.cantilever.value_or(Cantilever{}),
+          .excitation = description.excitation.value_or(Excitation{}),
           .free_response = description.free_response,
           .noise = description.noise,
           .settings = description.fit.value_or(FitSettings{})};

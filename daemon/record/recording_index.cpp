@@ -25,6 +25,7 @@ Description difference(const Description& from, const Description& to) {
   };
   keep_if_changed(&Description::channels);
   keep_if_changed(&Description::cantilever);
+  keep_if_changed(&Description::excitation);
   keep_if_changed(&Description::comb);
   keep_if_changed(&Description::free_response);
   keep_if_changed(&Description::scan);

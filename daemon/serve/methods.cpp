@@ -149,9 +149,10 @@ void add_free_capture(RpcTable& table, Instrument& instrument,
   const auto asked = std::make_shared<const Subscriptions*>(nullptr);  // who asked for the last capture
   auto capture = [&instrument, asked, post = std::move(post)](
                      const JsonView& params, const Subscriptions& caller, const RpcRespond& respond) {
-    const auto windows = params.find("windows");
+    const auto windows = params.find("windows"), lifted = params.find("lifted");
     instrument.capture_free(
         windows ? static_cast<std::uint32_t>(windows->integer()) : 16,
+        lifted && lifted->boolean() ? Instrument::Height::lifted : Instrument::Height::far,
         [post, respond](const std::optional<FreeResponse>& response, const std::string& why) {
           RpcResult result =
               why.empty() ? RpcResult(encode(*response)) : RpcError{rpc_instrument_error, why, nullptr};
@@ -169,8 +170,10 @@ void add_free_capture(RpcTable& table, Instrument& instrument,
        "Average the free motion: the reference from which forces are measured. Answers when done. An error "
        "says that there is none, or that it drifts: pixels are flagged incoherent until it is captured "
        "again. Given up when the client that asked disconnects.",
-       object_schema({{"windows", integer(1, 1000000, "comb windows to average; default 16")}}), any_object(),
-       RpcDeferredHandler(std::move(capture)), std::move(cancel_for)});
+       object_schema(
+           {{"windows", integer(1, 1000000, "comb windows to average; default 16")},
+            {"lifted", typed("boolean", "captured just above the surface, beside the one far away")}}),
+       any_object(), RpcDeferredHandler(std::move(capture)), std::move(cancel_for)});
   table.add({"free.cancel", "Give up the capture of the free motion that is under way, whoever asked for it.",
              nothing(), any_object(), RpcHandler([&instrument](const JsonView&, Subscriptions&) -> Json {
                instrument.cancel_free();
@@ -212,6 +215,9 @@ void add_model(RpcTable& table, Instrument& instrument) {
                       {"refine", integer(0, max_u32, "0: the paper's partial motion")},
                       {"weighting", names({"none", "noise"}, "of the residuals")},
                       {"profile_intervals", typed("boolean", "of refined fits, beside standard errors")},
+                      {"calibration_errors", typed("boolean", "by the uncertainty of the cantilever")},
+                      {"background", names({"none", "linear"}, "linear: removed by the lifted response")},
+                      {"compare", list_of({{"type", "string"}, {"enum", model_names()}}, "further models")},
                       {"bounds", typed("object", "{parameter: [lower, upper]}")},
                       {"tip", typed("object", "its geometry, for material parameters")}},
                      {"model"}),

@@ -43,7 +43,7 @@ class CalibrateTest(SystemTest):
     def expect_within(self, calibration, truth, deviations=4):
         """Truth within so many error bars: a fixed seed, so it holds or it does not."""
         mode = calibration["cantilever"]["modes"][0]
-        errors = calibration["uncertainty"][0]["std_errors"]
+        errors = calibration["cantilever"]["uncertainty"][0]["std_errors"]
         for key, value in truth.items():
             self.assertLess(abs(mode[key] - value), deviations * errors[key], (key, mode[key], errors[key]))
             self.assertLess(errors[key], 0.1 * value, key)

@@ -45,6 +45,38 @@ class Live(SystemTest):
         self.assertEqual(live, self.replay(meta, threads=1))
         self.assertEqual(live, self.replay(meta, threads=4))
 
+    def test_every_option_of_a_fit_live_and_in_replay(self):
+        configuration = small_instrument(LINES, COLUMNS)
+        errors = {"frequency_hz": 1, "quality_factor": 2, "stiffness_n_per_m": 0.2, "sensitivity_nm_per_v": 0.01}
+        modes = len(configuration["cantilever"]["modes"])
+        configuration["cantilever"]["uncertainty"] = [{"std_errors": errors, "correlation": [0, 0, 0, 0, 0, -0.5]}] * modes
+        daemon = self.daemon(configuration)
+        control, watcher = daemon.client(), daemon.client()
+        self.assertIn("no free response far from the surface", control.request("free.capture", lifted=True)["error"]["message"])
+        far = control.call("free.capture", windows=8)
+        self.assertNotIn("lifted_nm", far)
+        lifted = control.call("free.capture", windows=8, lifted=True)
+        self.assertEqual(far["mean_nm"], lifted["mean_nm"])
+        for (re, im), (re_far, im_far) in zip(lifted["lifted_nm"], far["mean_nm"]):  # nothing but noise between them
+            self.assertAlmostEqual(0, abs(complex(re, im) - complex(re_far, im_far)) / abs(complex(re_far, im_far)), delta=0.02)
+        control.call("model.set", model="hertz", calibration_errors=True, background="linear", compare=["cone"])
+        watcher.call("subscribe", topics=["pixel"])
+        meta = control.call("record.start", name="options")["meta_path"]
+        control.call("scan.start", frames=1)
+        live = pixel_lines(watcher, LINES * COLUMNS)
+        control.call("record.stop")
+        self.assertEqual(0, daemon.end(), daemon.log())
+        fits = [json.loads(line)["params"]["fit"] for line in live]
+        good = [fit for fit in fits if fit["status"] == "converged"]
+        self.assertGreater(len(good), LINES * COLUMNS / 2, [fit["status"] for fit in fits])
+        for fit in good:
+            self.assertEqual(fit["parameters"].keys(), fit["calibration_errors"].keys())
+            self.assertGreater(fit["calibration_errors"]["contact_strength_gpa_sqrt_nm"], 0)
+            self.assertEqual(["cone"], list(fit["compared"]))
+            self.assertGreater(fit["compared"]["cone"]["aicc"], 4)  # 2k of its two parameters at least
+        self.assertEqual(live, self.replay(meta, threads=1))
+        self.assertEqual(live, self.replay(meta, threads=4))
+
     def test_refused_scan_changes_nothing(self):
         daemon, control, watcher = self.started()
         meta = control.call("record.start", name="refused")["meta_path"]

@@ -27,12 +27,11 @@ TEST(ThermalCalibration, HasTheVendorsAnswerForTheVendorsParameters) {
   settings.temperature_k = 298.15;
   settings.correction_factor = 0.9;
   settings.values = {11.0399};
-  const double k = calibrate_thermal(std::vector{mode}, settings).cantilever.modes.at(0).stiffness_n_per_m;
+  const double k = calibrate_thermal(std::vector{mode}, settings).modes.at(0).stiffness_n_per_m;
   // The parameters carry four digits.
   EXPECT_NEAR(k, 45.8785e-3, 5e-4 * 45.87e-3);
   settings.correction_factor = 1.0;
-  EXPECT_NEAR(calibrate_thermal(std::vector{mode}, settings).cantilever.modes.at(0).stiffness_n_per_m,
-              k / 0.9, 1e-12);
+  EXPECT_NEAR(calibrate_thermal(std::vector{mode}, settings).modes.at(0).stiffness_n_per_m, k / 0.9, 1e-12);
 }
 
 TEST(ThermalCalibration, FindsEitherFromTheOther) {
@@ -40,19 +39,19 @@ TEST(ThermalCalibration, FindsEitherFromTheOther) {
   CalibrationSettings settings;
   settings.temperature_k = 300.0;
   settings.values = {40.0};
-  const Mode by_sensitivity = calibrate_thermal(modes, settings).cantilever.modes.at(0);
+  const Mode by_sensitivity = calibrate_thermal(modes, settings).modes.at(0);
   // <q^2> = 40^2 nm^2/V^2 4e-6 V^2, k = kB T/<q^2>.
   EXPECT_NEAR(by_sensitivity.stiffness_n_per_m, 1.380649e-23 * 300.0 / (6.4e-3 * 1e-18), 1e-12);
   settings.known = KnownQuantity::stiffness;
   settings.values = {by_sensitivity.stiffness_n_per_m};
-  const Mode by_stiffness = calibrate_thermal(modes, settings).cantilever.modes.at(0);
+  const Mode by_stiffness = calibrate_thermal(modes, settings).modes.at(0);
   EXPECT_NEAR(by_stiffness.sensitivity_nm_per_v, 40.0, 1e-10);
   EXPECT_EQ(by_stiffness.frequency_hz, 50e3);
   EXPECT_EQ(by_stiffness.quality_factor, 100.0);
 }
 
-double error(const CalibratedCantilever& result, std::size_t mode, int which) {
-  return std::sqrt(result.uncertainty.at(mode).covariance(which, which));
+double error(const Cantilever& result, std::size_t mode, int which) {
+  return std::sqrt(log_covariance(result.modes.at(mode), result.uncertainty.at(mode))(which, which));
 }
 
 TEST(ThermalCalibration, PropagatesErrors) {
@@ -61,21 +60,21 @@ TEST(ThermalCalibration, PropagatesErrors) {
   settings.temperature_k = 300.0;
   settings.values = {40.0};
   settings.relative_error = 0.03;
-  const CalibratedCantilever by_sensitivity = calibrate_thermal(modes, settings);
+  const Cantilever by_sensitivity = calibrate_thermal(modes, settings);
   EXPECT_NEAR(error(by_sensitivity, 0, 2), std::hypot(0.01, 2.0 * 0.03), 1e-12);
   EXPECT_NEAR(error(by_sensitivity, 0, 3), 0.03, 1e-12);
   settings.known = KnownQuantity::stiffness;
-  const CalibratedCantilever by_stiffness = calibrate_thermal(modes, settings);
+  const Cantilever by_stiffness = calibrate_thermal(modes, settings);
   EXPECT_NEAR(error(by_stiffness, 0, 2), 0.03, 1e-12);
   EXPECT_NEAR(error(by_stiffness, 0, 3), 0.5 * std::hypot(0.01, 0.03), 1e-12);
   settings.known = KnownQuantity::sader;
   settings.values.clear();
   settings.beam = BeamInFluid{200.0, 40.0, 1.18, 1.86e-5};
-  const CalibratedCantilever by_sader = calibrate_thermal(modes, settings);
+  const Cantilever by_sader = calibrate_thermal(modes, settings);
   // k goes with Q; alpha with 1/sqrt(k P).
   EXPECT_NEAR(error(by_sader, 0, 2), std::hypot(0.02, 0.03), 1e-5);
   EXPECT_NEAR(error(by_sader, 0, 3), 0.5 * std::hypot(0.02, 0.03, 0.01), 1e-5);
-  EXPECT_EQ(by_sader.cantilever.modes[0].stiffness_n_per_m,
+  EXPECT_EQ(by_sader.modes[0].stiffness_n_per_m,
             sader_stiffness(*settings.beam, 50e3, 100.0).stiffness_n_per_m);
 }
 
@@ -90,7 +89,7 @@ TEST(ThermalCalibration, ScalesHigherModesAsABeam) {
   const double kbt = 1.380649e-5 * 300.0;
   for (const ModeScaling scaling : {ModeScaling::stiffness, ModeScaling::sensitivity}) {
     settings.scaling = scaling;
-    const auto result = calibrate_thermal(modes, settings).cantilever.modes;
+    const auto result = calibrate_thermal(modes, settings).modes;
     EXPECT_NEAR(energy(result[0], 0), kbt, 1e-12);
     EXPECT_NEAR(energy(result[1], 1), kbt, 1e-12);
     EXPECT_EQ(result[0].sensitivity_nm_per_v, 40.0);
@@ -102,10 +101,10 @@ TEST(ThermalCalibration, ScalesHigherModesAsABeam) {
   }
   settings.scaling = ModeScaling::stiffness;
   settings.mode_numbers = {2, 3};
-  const auto higher = calibrate_thermal(modes, settings).cantilever.modes;
+  const auto higher = calibrate_thermal(modes, settings).modes;
   EXPECT_NEAR(higher[1].stiffness_n_per_m / higher[0].stiffness_n_per_m, 307.91 / 39.275, 0.002);
   settings.values = {40.0, 15.0};
-  const auto both = calibrate_thermal(modes, settings).cantilever.modes;
+  const auto both = calibrate_thermal(modes, settings).modes;
   EXPECT_EQ(both[1].sensitivity_nm_per_v, 15.0);
   EXPECT_NEAR(energy(both[1], 1), kbt, 1e-12);
 }

@@ -78,8 +78,9 @@ Report run(const Case& one) {
     report.pulls[0].add(pull(mode.frequency_hz, one.truth.frequency_hz, fit.frequency_error(0)));
     report.pulls[1].add(pull(mode.quality_factor, one.truth.quality_factor, fit.quality_error(0)));
     report.pulls[2].add(pull(fit.floor_v2_per_hz, one.floor, fit.floor_error()));
-    report.pulls[3].add(pull(calibrated.cantilever.modes[0].stiffness_n_per_m, k,
-                             std::sqrt(calibrated.uncertainty[0].covariance(2, 2))));
+    report.pulls[3].add(
+        pull(calibrated.modes[0].stiffness_n_per_m, k,
+             calibrated.uncertainty[0].std_errors[2] / calibrated.modes[0].stiffness_n_per_m));
     report.quality.add(std::log(mode.quality_factor / one.truth.quality_factor));
   }
   return report;

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "input_error.hpp"
 
 namespace combforce {
@@ -19,14 +21,22 @@ constexpr auto complete = R"({
     {"name": "z", "role": "z", "unit": "nm", "scale": 0.01, "offset": 0.0}],
   "afm:cantilever": {"modes": [
     {"frequency_hz": 117000.0, "quality_factor": 212.0, "stiffness_n_per_m": 4.0, "sensitivity_nm_per_v": 20.0},
-    {"frequency_hz": 674000.0, "quality_factor": 457.0, "stiffness_n_per_m": 78.5, "sensitivity_nm_per_v": -7.0}]},
+    {"frequency_hz": 674000.0, "quality_factor": 457.0, "stiffness_n_per_m": 78.5, "sensitivity_nm_per_v": -7.0}],
+    "uncertainty": [
+      {"std_errors": {"frequency_hz": 1.5, "quality_factor": 3.0, "stiffness_n_per_m": 0.25, "sensitivity_nm_per_v": 0.5},
+       "correlation": [0, 0, 0.5, -0.5, 0, -0.9]},
+      {"std_errors": {"frequency_hz": 9.0, "quality_factor": 5.0, "stiffness_n_per_m": null, "sensitivity_nm_per_v": null},
+       "correlation": [0, null, null, null, null, null]}]},
+  "afm:excitation": {"kind": "base", "participation": [1.5, -0.75]},
   "afm:comb": {"window_samples": 8000, "tones": [{"bin": 117, "driven": true}, {"bin": 674, "driven": false}]},
   "afm:free_response": {"first_sample": 16000, "windows": 2, "mean_nm": [[0.0, -25.0], [1.5, -2.5]],
-    "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0.5], [0, 0, 0.5, 4]], "coherent": false},
+    "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0.5], [0, 0, 0.5, 4]], "coherent": false,
+    "lifted_nm": [[0.5, -24.0], [1.5, -2.25]]},
   "afm:scan": {"lines": 64, "columns": 32, "pixel_samples": 16000, "settle_samples": 8000, "windows": 1,
     "bidirectional": true, "size_nm": [1000.0, 500.0]},
   "afm:noise": {"temperature_k": 300.0, "detector_nm_per_sqrt_hz": [1e-4, 2e-4]},
-  "afm:fit": {"model": "dmt", "refine": 2, "weighting": "noise", "profile_intervals": true, "bounds": {"adhesion_nn": [0.0, 20.0]}}
+  "afm:fit": {"model": "dmt", "refine": 2, "weighting": "noise", "profile_intervals": true, "calibration_errors": true,
+    "background": "linear", "compare": ["hertz", "cone"], "bounds": {"adhesion_nn": [0.0, 20.0]}}
 })";
 
 template <typename Decode>
@@ -48,17 +58,26 @@ TEST(Description, DecodesEveryKeyOfTheContract) {
                            0.5,          Channel::ClipCodes{-32768, 32767}, 80.0};
   const Channel z{"z", ChannelRole::z, "nm", 0.01, 0.0, std::nullopt};
   EXPECT_EQ(description.channels, (Channels{deflection, z}));
-  EXPECT_EQ(description.cantilever, (Cantilever{{{117e3, 212, 4, 20}, {674e3, 457, 78.5, -7}}}));
+  const double nan = std::nan("");
+  EXPECT_EQ(description.cantilever, (Cantilever{{{117e3, 212, 4, 20}, {674e3, 457, 78.5, -7}},
+                                                {{{1.5, 3, 0.25, 0.5}, {0, 0, 0.5, -0.5, 0, -0.9}},
+                                                 {{9, 5, nan, nan}, {0, nan, nan, nan, nan, nan}}}}));
+  EXPECT_EQ(description.excitation, (Excitation{Excitation::Kind::base, {1.5, -0.75}}));
   EXPECT_EQ(description.comb, (Comb{8000, {{117, true}, {674, false}}}));
   EXPECT_EQ(description.free_response,
             (FreeResponse{16000,
                           2,
                           {{0, -25}, {1.5, -2.5}},
                           std::vector<double>{1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0.5, 0, 0, 0.5, 4},
-                          false}));
+                          false,
+                          std::vector<std::complex<double>>{{0.5, -24}, {1.5, -2.25}}}));
   EXPECT_EQ(description.scan, (ScanLayout{64, 32, 16000, 8000, 1, true, {1000, 500}}));
   EXPECT_EQ(description.noise, (Noise{300, {1e-4, 2e-4}}));
-  EXPECT_EQ(description.fit, (FitSettings{"dmt", 2, Weighting::noise, true, {{"adhesion_nn", 0, 20}}}));
+  FitSettings fit{"dmt", 2, Weighting::noise, true, {{"adhesion_nn", 0, 20}}};
+  fit.calibration_errors = true;
+  fit.background = Background::linear;
+  fit.compare = {"hertz", "cone"};
+  EXPECT_EQ(description.fit, fit);
 }
 
 TEST(Description, EncodesWhatItDecodes) {
@@ -173,7 +192,15 @@ TEST(Description, RefusesBadCantilevers) {
        {R"({"modes": [{"frequency_hz": 1, "quality_factor": 1}]})", "/modes/0/stiffness_n_per_m",
         "is missing"},
        {R"({"modes": [{"frequency_hz": 1, "quality_factor": 1, "stiffness_n_per_m": 1, "sensitivity_nm_per_v": 0}]})",
-        "/modes/0/sensitivity_nm_per_v", "must not be 0"}});
+        "/modes/0/sensitivity_nm_per_v", "must not be 0"},
+       {R"({"modes": [{"frequency_hz": 1, "quality_factor": 1, "stiffness_n_per_m": 1}], "uncertainty": []})",
+        "/uncertainty", "has 0 elements, must have 1"}});
+  expect_refused(decode_excitation,
+                 {{"{}", "/kind", "is missing"},
+                  {R"({"kind": "shaker"})", "/kind", "must be one of"},
+                  {R"({"kind": "tip", "participation": [1]})", "/participation", "kind \"base\" alone"},
+                  {R"({"kind": "base", "participation": [1, 0]})", "/participation/1", "must not be 0"},
+                  {R"({"kind": "base", "participation": []})", "/participation", "is empty"}});
 }
 
 TEST(Description, RefusesBadCombs) {
@@ -195,7 +222,8 @@ TEST(Description, RefusesBadFreeResponses) {
                   {"[[1, 2, 3]]", "/0", "[re, im]"},
                   {"{}", "/mean_nm", "is missing"},
                   {R"({"mean_nm": [[1, 2]], "covariance": [[1, 0]]})", "/covariance", "must have 2"},
-                  {R"({"mean_nm": [[1, 2]], "covariance": [[1, 0], [0]]})", "/covariance/1", "must have 2"}});
+                  {R"({"mean_nm": [[1, 2]], "covariance": [[1, 0], [0]]})", "/covariance/1", "must have 2"},
+                  {R"({"mean_nm": [[1, 2]], "lifted_nm": [[1, 2], [3, 4]]})", "/lifted_nm", "must have 1"}});
 }
 
 TEST(Description, RefusesBadScansNoiseAndFits) {
@@ -211,14 +239,22 @@ TEST(Description, RefusesBadScansNoiseAndFits) {
                   {R"({"temperature_k": 1})", "/detector_nm_per_sqrt_hz", "is missing"},
                   {R"({"temperature_k": 1, "detector_nm_per_sqrt_hz": [0, -1]})",
                    "/detector_nm_per_sqrt_hz/1", ">= 0"}});
-  expect_refused(decode_fit, {{R"({"model": "jkr"})", "/model", "dmt"},
-                              {R"({"refine": 1.5})", "/refine", "integer"},
-                              {R"({"weighting": "x"})", "/weighting", "must be one of"},
-                              {R"({"profile_intervals": 1})", "/profile_intervals", "must be true or false"},
-                              {R"({"bounds": []})", "/bounds", "must be an object"},
-                              {R"({"model": "hertz", "bounds": {"adhesion_nn": [0, 1]}})",
-                               "/bounds/adhesion_nn", "hertz"},
-                              {R"({"bounds": {"adhesion_nn": [1, 0]}})", "/bounds/adhesion_nn", "lo < hi"}});
+  expect_refused(
+      decode_fit,
+      {{R"({"model": "jkr"})", "/model", "dmt"},
+       {R"({"refine": 1.5})", "/refine", "integer"},
+       {R"({"weighting": "x"})", "/weighting", "must be one of"},
+       {R"({"profile_intervals": 1})", "/profile_intervals", "must be true or false"},
+       {R"({"calibration_errors": 1})", "/calibration_errors", "must be true or false"},
+       {R"({"background": "quadratic"})", "/background", "must be one of"},
+       {R"({"compare": ["hertz", "glue"]})", "/compare/1", "dmt"},
+       {R"({"compare": ["dmt"]})", "/compare/0", "which is fitted already"},
+       {R"({"compare": ["cone", "cone"]})", "/compare/1", "which is fitted already"},
+       {R"({"compare": ["hertz"], "bounds": {"debye_length_nm": [1, 2]}})", "/bounds/debye_length_nm",
+        "no parameter of model"},
+       {R"({"bounds": []})", "/bounds", "must be an object"},
+       {R"({"model": "hertz", "bounds": {"adhesion_nn": [0, 1]}})", "/bounds/adhesion_nn", "hertz"},
+       {R"({"bounds": {"adhesion_nn": [1, 0]}})", "/bounds/adhesion_nn", "lo < hi"}});
 }
 
 TEST(Description, KnowsTheTipOfAFit) {
@@ -258,6 +294,12 @@ TEST(Description, RefusesObjectsThatContradictEachOther) {
                   {(comb + noise).c_str(), "/noise/detector_nm_per_sqrt_hz", "has 3 elements, must have 2"},
                   {(comb + scan).c_str(), "/scan/pixel_samples", "is 249, must be >= 250"}});
   EXPECT_NO_THROW(decoded(decode, "{" + three));  // no comb to contradict
+  const std::string one_mode =
+      R"({"cantilever": {"modes": [{"frequency_hz": 1, "quality_factor": 1, "stiffness_n_per_m": 1}]}, )";
+  expect_refused(decode, {{(one_mode + R"("fit": {"calibration_errors": true}})").c_str(),
+                           "/fit/calibration_errors", "uncertainty is not known"},
+                          {(one_mode + R"("excitation": {"kind": "base", "participation": [1, 2]}})").c_str(),
+                           "/excitation/participation", "has 2 elements, must have 1"}});
 }
 
 }  // namespace

@@ -109,6 +109,24 @@ TEST_F(PixelMessageTest, HasIntervalsWhereTheyAreKnown) {
             R"("adhesion_nn":[null,null],"contact_distance_nm":[0.25,null]})");
 }
 
+TEST_F(PixelMessageTest, HasCalibrationErrorsAndOtherModelsWhereTheyWereAskedFor) {
+  const std::string without = line(PixelFields::fit);
+  EXPECT_EQ(without.find("calibration_errors"), std::string::npos);
+  EXPECT_EQ(without.find("aicc"), std::string::npos);
+  fit.calibration_errors = {1.5, 0.125, nan, 0.5, nan, nan};
+  fit.aicc = 25.5;
+  fit.compared[0] = {&find_model("hertz"), FitStatus::misfit, 1234.5, 9876.5};
+  fit.compared[1] = {&find_model("cone"), FitStatus::not_converged, nan, nan};
+  fit.compared_count = 2;
+  const Json json = Json::parse(line(PixelFields::fit))["params"]["fit"];
+  EXPECT_EQ(json["calibration_errors"].dump(),
+            R"({"surface_position_nm":1.5,"contact_strength_gpa_sqrt_nm":0.125,)"
+            R"("adhesion_nn":null,"contact_distance_nm":0.5})");
+  EXPECT_EQ(json["aicc"], 25.5);
+  EXPECT_EQ(json["compared"].dump(), R"({"hertz":{"status":"misfit","chi2_reduced":1234.5,"aicc":9876.5},)"
+                                     R"("cone":{"status":"not_converged","chi2_reduced":null,"aicc":null}})");
+}
+
 TEST_F(PixelMessageTest, SaysOnlyTheStatusWithoutAModel) {
   model = nullptr;
   fit = unfitted(FitStatus::no_free_response, 0);

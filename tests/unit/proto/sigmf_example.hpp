@@ -25,7 +25,8 @@ inline const std::string sigmf_example_text = R"({
     "afm:scan": {"lines": 4, "columns": 10, "pixel_samples": 200, "settle_samples": 100, "windows": 1,
                  "bidirectional": true, "size_nm": [100.0, 40.0]},
     "afm:noise": {"temperature_k": 300, "detector_nm_per_sqrt_hz": 1e-4},
-    "afm:fit": {"model": "hertz", "refine": 0, "weighting": "none", "profile_intervals": false, "bounds": {}},
+    "afm:fit": {"model": "hertz", "refine": 0, "weighting": "none", "profile_intervals": false,
+      "calibration_errors": false, "background": "none", "compare": [], "bounds": {}},
     "afm:truth": {"file": "REC.truth.ndjson"}
   },
   "captures": [

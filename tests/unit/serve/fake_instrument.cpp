@@ -62,9 +62,10 @@ RecordingSummary Instrument::stop_recording() {
   return willing().status.record;
 }
 
-void Instrument::capture_free(std::uint32_t windows,
+void Instrument::capture_free(std::uint32_t windows, Height height,
                               std::function<void(std::optional<FreeResponse>, std::string)> done) {
   willing().free_windows = windows;
+  willing().free_height = height;
   fake_instrument().free_done = std::move(done);
 }
 void Instrument::cancel_free() {

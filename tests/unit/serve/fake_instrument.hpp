@@ -21,6 +21,7 @@ struct FakeInstrument {
   std::vector<LineMark> lines;
   std::vector<std::string> recordings;
   std::uint32_t free_windows = 0;
+  Instrument::Height free_height = Instrument::Height::far;
   int free_cancelled = 0;
   std::function<void(std::optional<FreeResponse>, std::string)> free_done;
   std::optional<FitSettings> fit;

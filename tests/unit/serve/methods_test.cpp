@@ -59,7 +59,8 @@ class Methods : public testing::Test {
   }
 
   FakeInstrument& fake = fake_instrument();
-  Instrument instrument{{}, {}};
+  const Configuration configuration;
+  Instrument instrument{configuration, {}};
   Subscriptions caller;
   std::vector<std::function<void()>> posted;
 
@@ -178,6 +179,7 @@ TEST_F(Methods, RecordsOnlyWhereConfigured) {
 TEST_F(Methods, FreeCaptureAnswersOnTheIoThreadWhenItIsDone) {
   EXPECT_EQ(ask("free.capture", {{"windows", 5}}), nullptr) << "not yet";
   EXPECT_EQ(fake.free_windows, 5U);
+  EXPECT_EQ(fake.free_height, Instrument::Height::far);
   FreeResponse response;
   response.first_sample = 77;
   response.windows = 5;
@@ -195,6 +197,12 @@ TEST_F(Methods, FreeCaptureAnswersOnTheIoThreadWhenItIsDone) {
   EXPECT_EQ(message["result"]["first_sample"], 77);
   EXPECT_EQ(message["result"]["mean_nm"], Json::parse("[[1.0,-2.0]]"));
   expect_pointer("free.capture", {{"windows", 0}}, "/windows");
+}
+
+TEST_F(Methods, FreeCaptureMayBeOfTheLiftedTip) {
+  ask("free.capture", {{"lifted", true}});
+  EXPECT_EQ(fake.free_height, Instrument::Height::lifted);
+  expect_pointer("free.capture", {{"lifted", 1}}, "/lifted");
 }
 
 TEST_F(Methods, FreeCaptureIsGivenUpWhenItsClientIsGoneOrOnRequest) {

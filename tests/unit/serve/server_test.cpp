@@ -38,7 +38,8 @@ class ServerTest : public testing::Test {
 
   ServerSettings settings;
   std::optional<Server> server;
-  Instrument instrument{{}, {}};
+  const Configuration configuration;
+  Instrument instrument{configuration, {}};
   std::thread thread;
 };
 
