@@ -13,7 +13,7 @@ namespace {
 
 constexpr double least_driven = 1e-3;  // of the greatest free motion; what is below it is noise, or leakage
 
-struct Background {
+struct LinearForce {
   double stiffness = 0.0;  // Re kappa, nN/nm
   double damping = 0.0;    // Im kappa/w, nN s/nm
 };
@@ -41,7 +41,7 @@ std::size_t answering_mode(const Cantilever& cantilever, double frequency_hz) {
   return most;
 }
 
-Mode changed(Mode mode, const Background& background, std::size_t number) {
+Mode changed(Mode mode, const LinearForce& background, std::size_t number) {
   const double angular_hz = 2.0 * std::numbers::pi * mode.frequency_hz;
   const double mass = mode.stiffness_n_per_m / (angular_hz * angular_hz);
   const double stiffness = mode.stiffness_n_per_m - background.stiffness;

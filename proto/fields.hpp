@@ -22,8 +22,8 @@ std::string_view name_of(std::span<const std::string_view> names, Enum value) {
 
 void check_keys(const JsonView& view, UnknownKeys unknown, std::initializer_list<std::string_view> keys);
 
-double number_or(const JsonView& object, std::string_view key, double otherwise, Range range = any_number);
-std::uint64_t integer_or(const JsonView& object, std::string_view key, std::uint64_t otherwise);
+double number_or(const JsonView& view, std::string_view key, double otherwise, Range range = any_number);
+std::uint64_t integer_or(const JsonView& view, std::string_view key, std::uint64_t otherwise);
 std::uint32_t count(const JsonView& view, std::uint32_t most = std::numeric_limits<std::uint32_t>::max());
 double non_zero(const JsonView& view);
 
