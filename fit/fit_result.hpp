@@ -11,9 +11,11 @@ namespace combforce {
 inline constexpr std::size_t max_parameters = 6;
 
 enum class FitStatus : std::uint8_t {
-  converged,         // parameters valid
-  not_converged,     // parameters: the last iterate, to be distrusted
-  at_bound,          // a parameter stopped at its bound: parameters valid, errors of that one are not
+  converged,      // parameters valid
+  not_converged,  // parameters: the last iterate, to be distrusted
+  // A parameter stopped at its bound, or the surface where the error E jumps (models whose force depends on
+  // history): parameters valid, errors of that one are not.
+  at_bound,
   ill_conditioned,   // a relative standard error exceeds 30 %: parameters valid but weakly determined
   no_contact,        // no force above noise: parameters NaN
   no_free_response,  // nothing to refer a force to: parameters NaN

@@ -82,6 +82,13 @@ void validate_intervals(const FitConditions& conditions) {
     throw std::invalid_argument("settings.profile_intervals: true, but conditions.noise is missing");
 }
 
+void validate_refine(const FitSettings& settings) {
+  if (settings.refine > 0 && depends_on_history(find_model(settings.model)))
+    throw std::invalid_argument(fmt::format(
+        "settings.refine: {}, must be 0 for model {}: its force depends on history, partial fit only",
+        settings.refine, settings.model));
+}
+
 double spacing_hz(const FitConditions& conditions) {
   return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
 }
@@ -106,6 +113,7 @@ void validate(const FitConditions& conditions) {
   if (conditions.free_response) validate_free_response(*conditions.free_response, tones);
   if (conditions.noise) validate(*conditions.noise, tones);
   validate_bounds(conditions.settings);
+  validate_refine(conditions.settings);
   if (conditions.settings.tip) validate(*conditions.settings.tip);
   validate_weighting(conditions);
   validate_intervals(conditions);
