@@ -13,8 +13,9 @@ inline constexpr std::size_t max_parameters = 6;
 enum class FitStatus : std::uint8_t {
   converged,      // parameters valid
   not_converged,  // parameters: the last iterate, to be distrusted
-  // A parameter stopped at its bound, or the surface where the error E jumps (models whose force depends on
-  // history): parameters valid, errors of that one are not.
+  // A parameter stopped at its bound: parameters valid, errors of that one are not. Or, of a model whose
+  // force depends on history, the search stopped where the error E jumps, more than a standard error from
+  // where it was going.
   at_bound,
   ill_conditioned,   // a relative standard error exceeds 30 %: parameters valid but weakly determined
   no_contact,        // no force above noise: parameters NaN

@@ -48,7 +48,7 @@ std::array<Bounds, Model::linear.size()> linear_bounds([[maybe_unused]] const do
 
 // Makes the parameters of coordinates: enters the linear ones.
 template <typename Model>
-void set_linear(const BoxSolution<Model::linear.size()>& solution, double* p) {
+void set_linear(const BoxSolution<Model::linear.size()>& solution, std::span<double, Model::parameters> p) {
   for (std::size_t k = 0; k < Model::linear.size(); ++k)
     p[Model::linear[k]] = solution.x(static_cast<Eigen::Index>(k));
   if constexpr (HasRatio<Model>) p[Model::ratio] *= p[Model::linear[0]];

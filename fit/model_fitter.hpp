@@ -339,12 +339,13 @@ class ModelFitter : public Fitter {
         estimate_uncertainty(at, measured.covariance(), chi2, measured.noise_known(), result);
     estimate_uncertainty(at, measured.search_covariance(), chi2, true, extent);
     // What remains of the way to the minimum of the finest quadrature evaluated: one Gauss-Newton step. Where
-    // E jumps there may be none to go to.
+    // E jumps there is none to go to; that place is as good where the noise cannot tell.
     const auto left = minimum_shift(at, finer_);
-    const bool at_jump = DependsOnHistory<Model> && !within(p, left, result, 10.0, 0.1);
+    const bool at_jump = DependsOnHistory<Model> && !within(p, left, result, 10.0);
     if (good && !at_jump) step(left, p);
     std::ranges::copy(p, result.parameters.begin());
-    const bool bounded = at_jump || std::ranges::any_of(at.fixed, [](bool fixed) { return fixed; });
+    const bool bounded = std::ranges::any_of(at.fixed, [](bool fixed) { return fixed; }) ||
+                         (at_jump && determined && !within(p, left, result, 10.0, 1.0));
     if (!(good || (solved && (within(p, result.quadrature_errors, result, 10.0) || !determined))))
       result.status = FitStatus::not_converged;
     else if (bounded)

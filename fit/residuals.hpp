@@ -202,7 +202,7 @@ class Residuals {
                 weighted(i, terms_(index(i), index(j)), terms_(index(i), index(l)));
     }
     box_ = solve_box<unknowns>(normal_, right, linear_bounds<Model>(p.data(), bounds_));
-    set_linear<Model>(box_, p.data());
+    set_linear<Model>(box_, p);
     set_residuals(p);
     last_ = at;
     solution_ = p;

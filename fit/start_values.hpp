@@ -165,7 +165,7 @@ StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Mo
   }
   const BoxSolution<unknowns> solution =
       solve_box<unknowns>(normal, right, linear_bounds<Model>(p.data(), bounds));
-  set_linear<Model>(solution, p.data());
+  set_linear<Model>(solution, p);
   return {p, constant + solution.value};
 }
 

@@ -204,10 +204,10 @@ TYPED_TEST(History, IsFittedToThePartialMotionAlone) {
 }
 
 struct Tally {
-  std::map<FitStatus, std::array<int, 2>> count;  // right, missed
-  int wrong = 0;                                  // converged, missed
+  std::map<FitStatus, std::array<int, 2>> count;  // exact, or not
+  int wrong = 0;                                  // converged, but off by more than two standard errors
 
-  static constexpr double miss = 1e-4;  // of a parameter; p0 of 1 nm
+  static constexpr double exact = 1e-4;  // of a parameter; p0 of 1 nm
 
   void add(const Pixel& pixel, const FitResult& result) {
     double error = 0.0, standard_errors = 0.0;
@@ -216,14 +216,13 @@ struct Tally {
       error = std::max(error, off / (k == 0 ? 1.0 : std::abs(pixel.truth[k])));
       standard_errors = std::max(standard_errors, off / result.std_errors[k]);
     }
-    const bool right = error <= miss;
-    ++count[result.status][right ? 0 : 1];
-    if (result.status != FitStatus::converged || right) return;
-    ++wrong;
+    ++count[result.status][error <= exact ? 0 : 1];
+    if (result.status != FitStatus::converged || error <= exact) return;
+    if (!(standard_errors <= 2.0)) ++wrong;
     fmt::print("converged, but off by {:.2g} or {:.2g} standard errors; reduced chi^2 {:.2g}\n", error,
                standard_errors, result.chi2_reduced);
   }
-  int all_right() const {
+  int all_exact() const {
     int sum = 0;
     for (const auto& [status, pair] : count) sum += pair[0];
     return sum;
@@ -248,40 +247,50 @@ Tally fit_all(const std::vector<std::uint64_t>& bins, std::uint64_t seed) {
     tally.add(pixel, result);
   }
   for (const auto& [status, pair] : tally.count)
-    fmt::print("status {}: {} pixels right, {} missed\n", static_cast<int>(status), pair[0], pair[1]);
+    fmt::print("status {}: {} pixels exact, {} not\n", static_cast<int>(status), pair[0], pair[1]);
   return tally;
 }
 
 TEST(HistoryPixels, JkrAtFourTonesGivesTheTruthOrSaysSo) {
   const Tally tally = fit_all<Jkr>(four_tones, 90201);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_right(), 9 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 9 * pixels / 10);
 }
 
 TEST(HistoryPixels, JkrAtTwoTonesGivesTheTruthOrSaysSo) {
   const Tally tally = fit_all<Jkr>(two_tones, 90202);
-  // Three parameters from four numbers: beyond a jump of E another minimum may explain the pixel to a
-  // millionth of the noise, and the search miss the truth beside it.
+  // Three parameters from four numbers: beyond jumps of E other minima may explain the pixel to a millionth
+  // of the noise, and the search miss the truth.
   EXPECT_LE(tally.wrong, pixels / 20);
-  EXPECT_GE(tally.all_right(), 8 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 8 * pixels / 10);
 }
 
 TEST(HistoryPixels, JkrAroundOneModeGivesTheTruthOrSaysSo) {
   const Tally tally = fit_all<Jkr>(twelve_tones, 90206);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_right(), 9 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 9 * pixels / 10);
 }
 
 TEST(HistoryPixels, CapillaryAroundOneModeGivesTheTruthOrSaysSo) {
   const Tally tally = fit_all<Capillary>(twelve_tones, 90207);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_right(), 7 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 7 * pixels / 10);
 }
 
 TEST(HistoryPixels, CapillaryAtFourTonesGivesTheTruthOrSaysSo) {
   const Tally tally = fit_all<Capillary>(four_tones, 90205);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_right(), 7 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 7 * pixels / 10);
+}
+
+// Five parameters from four numbers.
+TEST(HistoryPixels, CapillaryIsNotDeterminedByTwoTones) {
+  RandomPixels draw(90208);
+  const Pixel pixel = draw_pixel<Capillary>(draw, two_tones);
+  PixelFitter fitter(conditions_of<Capillary>(pixel, forces_of<Capillary>(pixel)));
+  FitResult result;
+  fitter.fit(pixel.tip_nm, result);
+  EXPECT_EQ(result.status, FitStatus::ill_conditioned);
 }
 
 #ifdef COMBFORCE_SLOW
@@ -323,13 +332,15 @@ void scatter_is_the_claim(const Pixel& pixel) {
     std::ranges::nth_element(deviations, deviations.begin() + draws / 2);
     const double sigma = deviations[draws / 2] / 0.6745;
     fmt::print("p{}: scatter {:.3g}, claim {:.3g}\n", k, sigma, claim[k]);
-    // The median of 200 deviations is known to 1/sqrt(200) * 0.5/(0.6745 * 2 * 0.318) = 8 %; 4 of these, and
-    // what jumps add to the linear claim.
-    EXPECT_NEAR(sigma / claim[k], 1.0, 0.33 + 0.2) << "p" << k;
+    // The median of 200 deviations is known to 1/sqrt(200) * 0.5/(0.6745 * 2 * 0.318) = 8 %; 4 of these. The
+    // jumps of E, of which the linear claim knows nothing, pin the surface: the scatter may be less than half
+    // the claim.
+    EXPECT_LE(sigma / claim[k], 1.33) << "p" << k;
+    EXPECT_GE(sigma / claim[k], 0.25) << "p" << k;
   }
 }
 
-TEST(HistoryPixels, JkrScattersByItsStandardErrors) {
+TEST(HistoryPixels, JkrScattersByNoMoreThanItsStandardErrors) {
   RandomPixels draw(90204);
   Pixel pixel = draw_pixel<Jkr>(draw, four_tones);
   pixel.truth = {-40.0, 1.0, 5.0};
