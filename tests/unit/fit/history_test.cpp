@@ -11,6 +11,7 @@
 #include "fit/capillary.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/jkr.hpp"
+#include "fit/residuals.hpp"
 #include "tests/support/failing_allocator.hpp"
 #include "tests/unit/fit/random_pixel.hpp"
 #include "tests/unit/fit/reference_history.hpp"
@@ -157,6 +158,52 @@ TYPED_TEST(History, HoldsWithoutContactAndWithoutRelease) {
     if (p0 > motion.at(0.0) + 4.0) continue;  // never free: the reference has no event to begin from
     const Eigen::VectorXd expected = rows_of(history_phasors(motion, force_of<TypeParam>(p)));
     EXPECT_LE((found.col(0) - expected).norm(), 1e-6 * expected.norm() + 1e-12) << p0;
+  }
+}
+
+// What the solver sees, the linear parameters following: with all parameters free, and with each of the
+// others than p0 held by its bound.
+TYPED_TEST(History, ResidualsHaveTheirDerivatives) {
+  constexpr std::size_t count = TypeParam::parameters;
+  RandomPixels draw(37);
+  const Pixel pixel = draw_pixel<TypeParam>(draw, four_tones);
+  const Phasors forces = forces_of<TypeParam>(pixel);
+  ForceBalance balance(pixel.bins);
+  balance.set_motion(pixel.tip_nm);
+  Residuals<TypeParam> residuals(balance, forces.size());
+  residuals.set_measured(forces, std::vector<double>{1.0, 2.0, 3.0, 4.0});
+  std::array<double, count> p;
+  std::ranges::copy(pixel.truth, p.begin());
+  p[0] += 0.02;
+  p[count - 1] *= 1.1;
+  for (std::size_t held = 0; held < count; ++held) {
+    std::array<Bounds, count> bounds;
+    for (std::size_t k = 0; k < count; ++k)
+      bounds[k] =
+          k == 0 ? Bounds{p[0] - 20.0, p[0] + 20.0} : Bounds{0.1 * p[k], (k == held ? 0.5 : 20.0) * p[k]};
+    balance.prepare(contact_top_nm<TypeParam>(p.data()), 3, false);
+    residuals.set_bounds(bounds);
+    const auto x = residuals.coordinates(p);
+    const auto found = residuals.parameters(x);
+    for (std::size_t k = 1; k < count; ++k) {
+      EXPECT_GE(found[k], bounds[k].lower * (1.0 - 1e-9)) << "p" << k;
+      EXPECT_LE(found[k], bounds[k].upper * (1.0 + 1e-9)) << "p" << k;
+    }
+    const Eigen::Index rows = residuals.NumResiduals();
+    Eigen::VectorXd here(rows), before(rows), after(rows);
+    Eigen::MatrixXd jacobian(rows, x.size());
+    residuals(x.data(), here.data(), jacobian.data());
+    for (Eigen::Index k = 0; k < x.size(); ++k) {
+      constexpr double step = 1e-6;
+      auto shifted = x;
+      shifted(k) -= step;
+      residuals(shifted.data(), before.data(), nullptr);
+      shifted(k) += 2.0 * step;
+      residuals(shifted.data(), after.data(), nullptr);
+      const Eigen::VectorXd difference = (after - before) / (2.0 * step);
+      EXPECT_LE((jacobian.col(k) - difference).norm(), 1e-5 * difference.norm() + 1e-7)
+          << "coordinate " << k << ", p" << held << " held";
+    }
   }
 }
 
