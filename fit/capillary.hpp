@@ -11,7 +11,11 @@
 // nm. With H = 2 r cos theta the height of the meniscus where it meets the sphere, the pressure is 2 gamma
 // cos theta/H over an area 2 pi R (H - z), and V = pi R (H^2 - z^2).
 //
-// Five parameters: two tones give four numbers and do not determine them.
+// Five parameters: two tones give four numbers and do not determine them. One window at four tones of the
+// paper's comb does, but not well: of 200 random pixels without noise on their forces 178 come back exactly,
+// 172 of them as ill conditioned, and of the others none is called converged; around one mode, at twelve
+// tones, 195 do, all ill conditioned. As for JKR, E jumps wherever one cycle more or less is held
+// (touch_search.hpp).
 #pragma once
 
 #include <array>

@@ -11,8 +11,16 @@
 //
 //     F = p2 (y^6/9 - (2/3) y^3),   (p0 - d)/L = y^4 - 4 y,   y >= 1
 //
-// Beyond p0 a tip is engaged or not by what the motion did before, so the motion decides (force_balance.hpp).
-// Each turning point is a place where E(p0) jumps: the cycle touches or not.
+// Beyond p0 a tip is engaged or not by what the motion did before, so the motion decides: a tip is free where
+// it comes from above p0 + 3 L, and one that goes neither there nor below p0 in the whole period is free.
+// Every turning point of the motion is a place where the error E jumps as p0 or L pass it (touch_search.hpp).
+//
+// What that costs, of 200 random pixels each, without noise on their forces: at four tones of the paper's
+// comb 195 come back exactly, 2 say that their parameters are doubtful, 2 that there is no contact, and 1 is
+// wrong and does not say so but by its chi^2; of twelve tones around one mode all come back. At two tones,
+// where other minima may explain the pixel to a millionth of the noise, 185 do, and 5 are wrong and do not
+// say so. With noise the minimum is often at a jump, which pins the surface better than the standard errors
+// know: in 200 draws of one pixel the parameters scattered by 0.4 to 0.7 of these.
 #pragma once
 
 #include <algorithm>
