@@ -44,11 +44,20 @@ class CellQuadrature {
   std::size_t level() const { return level_; }
   const GaussRule& rule(std::size_t nodes) const { return rules_[nodes]; }
 
-  // Adds the moments of a unit of each linear parameter over a piece of the cell with polynomial `c`.
+  // Adds the moments of a unit of each linear parameter over a piece of the cell with polynomial `c`; where
+  // the force depends on history, of a tip that is engaged throughout.
   template <typename Model>
   void add_piece(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
 
-  // The same over a whole cell, s from -1 to 1.
+  // The same of a model whose force depends on history, for a tip that is `engaged` or not at the piece's
+  // begin; returns whether it is at its end. Where contact forms and is lost the force jumps: as these
+  // moments move with the parameters, that belongs to the derivatives of the integral, which get a node
+  // there.
+  template <DependsOnHistory Model>
+  bool add_piece(const double* p, const Motion::Polynomial& c, const Piece& piece, bool engaged,
+                 Sum<Model>& sum) const;
+
+  // The same of other models over a whole cell, s from -1 to 1.
   template <typename Model>
   void add_cell(const double* p, const Motion::Polynomial& c, Sum<Model>& sum) const;
 
@@ -59,6 +68,13 @@ class CellQuadrature {
   void add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
   template <typename Model>
   void add_active(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
+  template <DependsOnHistory Model>
+  void add_neck(const double* p, const Motion::Polynomial& c, const Piece& piece, Sum<Model>& sum) const;
+  template <DependsOnHistory Model, std::size_t First, std::size_t Terms>
+  static void add_switch(const std::array<ModelTerm, Terms>& terms, const std::array<double, Terms>& values,
+                         const std::array<double, Model::parameters>& moves, double s, Sum<Model>& sum);
+  template <typename Function>
+  void for_nodes_from_top(const Piece& piece, bool crowd, const Function& function) const;
   template <std::size_t First, std::size_t Terms, typename SumOfModel>
   static void add_node(const std::array<double, Terms>& values, double s, double weight, SumOfModel& sum);
 
@@ -68,6 +84,7 @@ class CellQuadrature {
   static constexpr std::array<std::array<std::size_t, tail_ratios.size()>, levels> tail_nodes_of_ratio{
       {{3, 4, 5, 6}, {5, 6, 7, 9}, {7, 9, 10, 13}, {9, 12, 14, 18}, {12, 16, 19, 24}}};
   static constexpr std::size_t most_nodes = 26;
+  static constexpr double least_slope = 1e-6;  // nm in a cell, where contact forms or is lost
 
   std::size_t tail_nodes(double ratio) const {
     std::size_t i = 0;
@@ -129,25 +146,31 @@ void CellQuadrature::add_active(const double* p, const Motion::Polynomial& c, co
   if (active) add(piece.end);
 }
 
-// Nodes crowd quadratically at the shallow end when it is at, or close to, the kink.
-template <typename Model>
-void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece,
-                                 Sum<Model>& sum) const {
+// Calls function(s, weight) for the nodes of a piece, which may crowd quadratically at its upper end.
+template <typename Function>
+void CellQuadrature::for_nodes_from_top(const Piece& piece, bool crowd, const Function& function) const {
   const bool falling = piece.d_begin > piece.d_end;
-  const double shallow = falling ? piece.begin : piece.end;
+  const double top = falling ? piece.begin : piece.end;
   const double length = falling ? piece.end - piece.begin : piece.begin - piece.end;
-  const double shallow_depth = p[0] - std::max(piece.d_begin, piece.d_end);
-  const double deep_depth = p[0] - std::min(piece.d_begin, piece.d_end);
-  const bool crowd = 3.0 * shallow_depth < deep_depth;
   const GaussRule& rule = rules_[contact_nodes[level_]];
   for (std::size_t j = 0; j < rule.nodes.size(); ++j) {
     const double u = rule.nodes[j];
-    const double s = shallow + length * (crowd ? u * u : u);
-    const double weight = std::abs(length) * rule.weights[j] * (crowd ? 2.0 * u : 1.0);
+    function(top + length * (crowd ? u * u : u),
+             std::abs(length) * rule.weights[j] * (crowd ? 2.0 * u : 1.0));
+  }
+}
+
+// Nodes crowd at the shallow end when it is at, or close to, the kink.
+template <typename Model>
+void CellQuadrature::add_contact(const double* p, const Motion::Polynomial& c, const Piece& piece,
+                                 Sum<Model>& sum) const {
+  const double shallow_depth = p[0] - std::max(piece.d_begin, piece.d_end);
+  const double deep_depth = p[0] - std::min(piece.d_begin, piece.d_end);
+  for_nodes_from_top(piece, 3.0 * shallow_depth < deep_depth, [&](double s, double weight) {
     const auto [d, slope] = value_and_slope_at(c, s);
     const double depth = std::max(p[0] - d, 0.0);
     add_node<0>(contact_of<Model>(p, depth, velocity_per_slope_ * slope), s, weight, sum);
-  }
+  });
 }
 
 // Parts over which the distance to the pole at p0 - tail_length() grows by widest_ratio at most, each with as
@@ -179,7 +202,6 @@ void CellQuadrature::add_tail(const double* p, const Motion::Polynomial& c, cons
 template <typename Model>
 void CellQuadrature::add_piece(const double* p, const Motion::Polynomial& c, const Piece& piece,
                                Sum<Model>& sum) const {
-  constexpr bool tail = !Model::tail_terms.empty();
   const double surface = p[0];
   const auto contact = [&](const Piece& part) {
     if constexpr (DependsOnVelocity<Model>)
@@ -187,17 +209,110 @@ void CellQuadrature::add_piece(const double* p, const Motion::Polynomial& c, con
     else
       add_contact<Model>(p, c, part, sum);
   };
+  const auto tail = [&]([[maybe_unused]] const Piece& part) {
+    if constexpr (DependsOnHistory<Model>)
+      add_neck<Model>(p, c, part, sum);
+    else if constexpr (!Model::tail_terms.empty())
+      add_tail<Model>(p, c, part, sum);
+  };
   if (piece.d_begin <= surface && piece.d_end <= surface) {
     contact(piece);
   } else if (piece.d_begin >= surface && piece.d_end >= surface) {
-    if constexpr (tail) add_tail<Model>(p, c, piece, sum);
+    tail(piece);
   } else {
     const double s = crossing(c, piece.begin, piece.end, surface, 1e-12);
     const Piece before{piece.begin, s, piece.d_begin, surface};
     const Piece after{s, piece.end, surface, piece.d_end};
     contact(piece.d_begin < surface ? before : after);
-    if constexpr (tail) add_tail<Model>(p, c, piece.d_begin < surface ? after : before, sum);
+    tail(piece.d_begin < surface ? after : before);
   }
+}
+
+// Tails of engaged tips: parts as in add_tail(), whose nodes crowd where contact is about to be lost.
+template <DependsOnHistory Model>
+void CellQuadrature::add_neck(const double* p, const Motion::Polynomial& c, const Piece& piece,
+                              Sum<Model>& sum) const {
+  const double release = Model::release_height_nm(p), pole = p[0] - Model::tail_length(p);
+  const double from = piece.d_begin - pole, to = piece.d_end - pole;
+  const double whole = std::max(from, to) / std::min(from, to);
+  int parts = 1;
+  for (double reach = widest_ratio; reach < whole; reach *= widest_ratio) ++parts;
+  const double ratio = std::pow(to / from, 1.0 / parts);
+  Piece part{piece.begin, piece.begin, piece.d_begin, piece.d_begin};
+  for (int i = 1; i <= parts; ++i) {
+    part.begin = part.end;
+    part.d_begin = part.d_end;
+    part.d_end = i == parts ? piece.d_end : pole + ratio * (part.d_begin - pole);
+    part.end =
+        i == parts ? piece.end : crossing(c, part.begin, piece.end, part.d_end, 1e-3 * (part.d_end - pole));
+    const double near = p[0] + release - std::max(part.d_begin, part.d_end);
+    const double far = p[0] + release - std::min(part.d_begin, part.d_end);
+    for_nodes_from_top(part, 3.0 * near < far, [&](double s, double weight) {
+      const double height = std::clamp(value_at(c, s) - p[0], 0.0, release);
+      add_node<Model::contact_terms.size()>(Model::tail(p, height), s, weight, sum);
+    });
+  }
+}
+
+// One node at the end of an integral: `values` of the model's terms there, and how far each parameter `moves`
+// it, in s per unit.
+template <DependsOnHistory Model, std::size_t First, std::size_t Terms>
+void CellQuadrature::add_switch(const std::array<ModelTerm, Terms>& terms,
+                                const std::array<double, Terms>& values,
+                                const std::array<double, Model::parameters>& moves, double s,
+                                Sum<Model>& sum) {
+  std::array<double, Terms> gains{};
+  for (std::size_t t = 0; t < Terms; ++t)
+    for (std::size_t of = 0; of < Terms; ++of)
+      if (terms[t].derivative != value_of_term && terms[of].derivative == value_of_term &&
+          terms[of].linear == terms[t].linear)
+        gains[t] = values[of] * moves[terms[t].derivative];
+  add_node<First>(gains, s, 1.0, sum);
+}
+
+template <DependsOnHistory Model>
+bool CellQuadrature::add_piece(const double* p, const Motion::Polynomial& c, const Piece& piece, bool engaged,
+                               Sum<Model>& sum) const {
+  const double surface = p[0], release = contact_top_nm<Model>(p);
+  // A turning point at the switch has no slope: there the integral jumps.
+  const auto slope_at = [&](double s) {
+    const double slope = value_and_slope_at(c, s).second;
+    return std::copysign(std::max(std::abs(slope), least_slope), slope);
+  };
+  const auto form = [&](double s) {
+    std::array<double, Model::parameters> moves{-1.0 / slope_at(s)};
+    add_switch<Model, 0>(Model::contact_terms, Model::contact(p, 0.0), moves, s, sum);
+  };
+  const auto lose = [&](double s) {
+    std::array<double, Model::parameters> moves = Model::release_gradient(p);
+    moves[0] = 1.0;
+    for (double& move : moves) move /= slope_at(s);
+    add_switch<Model, Model::contact_terms.size()>(
+        Model::tail_terms, Model::tail(p, Model::release_height_nm(p)), moves, s, sum);
+  };
+  // What rounding hides between one piece and the next.
+  if (engaged && piece.d_begin > release) {
+    lose(piece.begin);
+    engaged = false;
+  } else if (!engaged && piece.d_begin < surface) {
+    form(piece.begin);
+    engaged = true;
+  }
+  Piece held = piece;
+  if (!engaged) {
+    if (!(piece.d_end < surface)) return false;
+    held.begin = crossing(c, piece.begin, piece.end, surface, 1e-12);
+    held.d_begin = surface;
+    form(held.begin);
+  }
+  const bool lost = held.d_end > release;
+  if (lost) {
+    held.end = crossing(c, held.begin, piece.end, release, 1e-12);
+    held.d_end = release;
+    lose(held.end);
+  }
+  add_piece<Model>(p, c, held, sum);
+  return !lost;
 }
 
 // Cells whose distance to the pole varies by less than the widest ratio take one rule as they are.

@@ -14,11 +14,16 @@
 namespace combforce {
 namespace {
 
-// Of the model, or of one that it is compared with.
-const ParameterInfo* find_parameter(const FitSettings& settings, const std::string& name) {
+// The model, and those that it is compared with.
+std::vector<std::string> models_of(const FitSettings& settings) {
   std::vector<std::string> models{settings.model};
   models.insert(models.end(), settings.compare.begin(), settings.compare.end());
-  for (const std::string& model : models)
+  return models;
+}
+
+// Of any of them.
+const ParameterInfo* find_parameter(const FitSettings& settings, const std::string& name) {
+  for (const std::string& model : models_of(settings))
     for (const ParameterInfo& info : find_model(model).parameters)
       if (info.name == name) return &info;
   return nullptr;
@@ -77,6 +82,15 @@ void validate_intervals(const FitConditions& conditions) {
     throw std::invalid_argument("settings.profile_intervals: true, but conditions.noise is missing");
 }
 
+void validate_refine(const FitSettings& settings) {
+  if (settings.refine == 0) return;
+  for (const std::string& model : models_of(settings))
+    if (depends_on_history(find_model(model)))
+      throw std::invalid_argument(fmt::format(
+          "settings.refine: {}, must be 0 for model {}: its force depends on history, partial fit only",
+          settings.refine, model));
+}
+
 void validate_comparison(const FitConditions& conditions) {
   const FitSettings& settings = conditions.settings;
   if (settings.compare.empty()) return;
@@ -120,6 +134,7 @@ void validate(const FitConditions& conditions) {
   if (conditions.free_response) validate_free_response(*conditions.free_response, tones);
   if (conditions.noise) validate(*conditions.noise, tones);
   validate_bounds(conditions.settings);
+  validate_refine(conditions.settings);
   if (conditions.settings.tip) validate(*conditions.settings.tip);
   validate_weighting(conditions);
   validate_intervals(conditions);

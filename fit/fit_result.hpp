@@ -14,9 +14,12 @@ inline constexpr std::size_t most_compared = 8;  // models beside the one of a f
 struct ModelInfo;
 
 enum class FitStatus : std::uint8_t {
-  converged,         // parameters valid
-  not_converged,     // parameters: the last iterate, to be distrusted
-  at_bound,          // a parameter stopped at its bound: parameters valid, errors of that one are not
+  converged,      // parameters valid
+  not_converged,  // parameters: the last iterate, to be distrusted
+  // A parameter stopped at its bound: parameters valid, errors of that one are not. Or, of a model whose
+  // force depends on history, the search stopped where the error E jumps, more than a standard error from
+  // where it was going.
+  at_bound,
   ill_conditioned,   // a relative standard error exceeds 30 %: parameters valid but weakly determined
   no_contact,        // no force above noise: parameters NaN
   no_free_response,  // nothing to refer a force to: parameters NaN

@@ -85,6 +85,18 @@ void ForceBalance::split(double p0, bool tail) {
   }
 }
 
+void ForceBalance::add_turning_points(Turning which, double low, double high,
+                                      std::vector<double>& points) const {
+  for (const NearCell& near : near_)
+    for (std::size_t i = 0; i + 1 < near.pieces; ++i) {
+      const Piece& piece = pieces_[near.first_piece + i];
+      const bool falls = piece.d_end < piece.d_begin;
+      if (falls == (which == Turning::lower) && piece.d_end > low && piece.d_end < high &&
+          points.size() < points.capacity())
+        points.push_back(piece.d_end);
+    }
+}
+
 // False when the cell stays above far_from_: nothing is added then.
 bool ForceBalance::add_near_cell(std::size_t cell) {
   const Motion::Polynomial& c = motion_.polynomial(cell);

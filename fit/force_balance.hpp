@@ -37,14 +37,20 @@ class ForceBalance {
 
   // Prepares evaluations at this level for surfaces about p0: true up to ceiling_nm(), efficient down to
   // about as far below p0 as the ceiling is above. What is prepared for a p0 within half of margin_nm() is
-  // kept, until reset() or the next motion. `tail`: the model has a force beyond the surface.
+  // kept, until reset() or the next motion. `tail`: the model has a force beyond the surface. Where the force
+  // depends on history all this is said of its contact_top_nm() instead of p0, and there is no such tail.
   void prepare(double p0, std::size_t level, bool tail);
   void reset() { prepared_ = false; }
   double ceiling_nm() const { return far_from_ - margin_; }
   double margin_nm() const { return margin_; }
 
+  // Adds the motion's lower, or its upper, turning points between `low` and `high`, no more than `points` has
+  // room for, in time's order. True up to the ceiling.
+  enum class Turning : bool { lower, upper };
+  void add_turning_points(Turning which, double low, double high, std::vector<double>& points) const;
+
   // Phasors of the model's terms, a unit of each linear parameter: one column a contact term, then one a tail
-  // term; one row a tone. p[0] must not exceed ceiling_nm(); linear parameters are not used.
+  // term; one row a tone. contact_top_nm(p) must not exceed ceiling_nm(); linear parameters are not used.
   template <typename Model>
   static constexpr std::size_t columns = CellQuadrature::columns<Model>;
   template <typename Model>
@@ -58,6 +64,8 @@ class ForceBalance {
     double lowest, highest;
   };
   void split(double p0, bool tail);
+  template <DependsOnHistory Model>
+  bool begins_engaged(const double* p) const;
   bool add_near_cell(std::size_t cell);
   void add_far_cell(std::size_t cell);
   void add_far_part(const Motion::Polynomial& c, double curvature, std::size_t split, std::size_t part);
@@ -89,22 +97,50 @@ class ForceBalance {
   std::vector<std::complex<double>> centre_;
 };
 
+// Whether the motion, which repeats, has the tip engaged at the period's begin: as it last came to be before
+// the period's end. Tips that neither touch nor rise above the neck's end in the whole period are not.
+template <DependsOnHistory Model>
+bool ForceBalance::begins_engaged(const double* p) const {
+  const double surface = p[0], release = contact_top_nm<Model>(p);
+  std::size_t cell = motion_.cells();
+  for (auto near = near_.rbegin(); near != near_.rend() && near->cell + 1 == cell; ++near, --cell) {
+    for (std::size_t i = near->pieces; i-- > 0;) {
+      const Piece& piece = pieces_[near->first_piece + i];
+      for (const double d : {piece.d_end, piece.d_begin})
+        if (d < surface || d > release) return d < surface;
+    }
+  }
+  return false;
+}
+
 template <typename Model>
 void ForceBalance::evaluate(const double* p, Eigen::Ref<Eigen::MatrixXcd> terms) const {
   constexpr std::size_t contacts = Model::contact_terms.size(), tails = Model::tail_terms.size();
   terms.setZero();
+  [[maybe_unused]] bool engaged = false;
+  [[maybe_unused]] std::size_t next = 0;
+  if constexpr (DependsOnHistory<Model>) engaged = begins_engaged<Model>(p);
   for (const NearCell& near : near_) {
-    if (tails == 0 && near.lowest > p[0]) continue;
+    if constexpr (DependsOnHistory<Model>) {
+      engaged = engaged && near.cell == next;  // between near cells the tip is far away
+      next = near.cell + 1;
+    }
+    if ((tails == 0 || DependsOnHistory<Model>)&&!engaged && near.lowest > p[0]) continue;
     CellQuadrature::Sum<Model> sum{};
     const Motion::Polynomial& c = motion_.polynomial(near.cell);
-    for (std::size_t i = 0; i < near.pieces; ++i)
-      quadrature_.add_piece<Model>(p, c, pieces_[near.first_piece + i], sum);
+    for (std::size_t i = 0; i < near.pieces; ++i) {
+      const Piece& piece = pieces_[near.first_piece + i];
+      if constexpr (DependsOnHistory<Model>)
+        engaged = quadrature_.add_piece<Model>(p, c, piece, engaged, sum);
+      else
+        quadrature_.add_piece<Model>(p, c, piece, sum);
+    }
     const std::span<const Motion::Moments> moments(sum.moments);
     if (near.lowest < p[0]) motion_.add_moments(near.cell, moments.first(contacts), terms.data());
     if (tails > 0 && near.highest > p[0])
       motion_.add_moments(near.cell, moments.last(tails), terms.data() + contacts * motion_.tones());
   }
-  if constexpr (tails > 0) {
+  if constexpr (tails > 0 && !DependsOnHistory<Model>) {
     for (std::size_t node = 0; node < grid_used_ * grid_order; ++node) {
       const auto values = Model::tail(p, grid_d_[node] - p[0]);
       const double* weights = grid_weights_.col(static_cast<Eigen::Index>(node)).data();

@@ -30,13 +30,18 @@ const ModelInfo& find_model(std::string_view name) {
   throw std::invalid_argument(fmt::format("model: \"{}\", must be one of {}", name, fmt::join(names, ", ")));
 }
 
+bool depends_on_history(const ModelInfo& model) {
+  return visit_model(model, [](auto type) { return DependsOnHistory<decltype(type)>; });
+}
+
 double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm,
-                   double velocity_nm_per_s) {
+                   double velocity_nm_per_s, bool engaged) {
   if (parameters.size() != model.parameters.size())
     throw std::invalid_argument(fmt::format("parameters: {} values, but model {} has {}", parameters.size(),
                                             model.name, model.parameters.size()));
-  return visit_model(
-      model, [&](auto type) { return force_of<decltype(type)>(parameters.data(), d_nm, velocity_nm_per_s); });
+  return visit_model(model, [&](auto type) {
+    return force_of<decltype(type)>(parameters.data(), d_nm, velocity_nm_per_s, engaged);
+  });
 }
 
 }  // namespace combforce

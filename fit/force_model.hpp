@@ -43,10 +43,26 @@ concept StaysAboveSurface = requires {
   Model::least_height_nm;
 };
 
+// Models whose force depends on the tip's history: contact forms where d falls through p0, and lasts until d
+// rises through p0 + release_height_nm(). They are fitted to the partial motion alone, and not simulated.
+template <typename Model>
+concept DependsOnHistory = requires(const double* p) {
+  Model::release_height_nm(p);
+};
+
+// Models whose one linear parameter p_k sets the scale of another one: F = p_k phi(d; p_ratio/p_k, others).
+template <typename Model>
+concept HasRatio = requires {
+  Model::ratio;
+};
+
+// `engaged`: the tip has been in contact, and not been released since; it is where d < p0 whatever this says.
 template <typename Model, typename T>
-T force_of(const T* p, const T& d, double velocity_nm_per_s) {
+T force_of(const T* p, const T& d, double velocity_nm_per_s, [[maybe_unused]] bool engaged = false) {
   if constexpr (DependsOnVelocity<Model>)
     return Model::force(p, d, velocity_nm_per_s);
+  else if constexpr (DependsOnHistory<Model>)
+    return Model::force(p, d, engaged);
   else
     return Model::force(p, d);
 }
@@ -59,15 +75,28 @@ auto contact_of(const double* p, double depth, double velocity_nm_per_s) {
     return Model::contact(p, depth);
 }
 
+// The deflection up to which a model's contact, or what is left of it, may last.
+template <typename Model>
+double contact_top_nm(const double* p) {
+  if constexpr (DependsOnHistory<Model>)
+    return p[0] + Model::release_height_nm(p);
+  else
+    return p[0];
+}
+
 // All models, in a fixed order.
 std::span<const ModelInfo> force_models();
 
 // The model called `name`. Throws std::invalid_argument that lists the names there are.
 const ModelInfo& find_model(std::string_view name);
 
+// Whether it is one that DependsOnHistory.
+bool depends_on_history(const ModelInfo& model);
+
 // Force at tip deflection d (nm) with velocity d_dot (nm/s), nN, for plots and simulation; `parameters` in
-// the model's order. Dispatches once a call: hot loops use the model's own header.
+// the model's order. Where the force depends on history: of a tip on its way in, or `engaged`, out of
+// contact. Dispatches once a call: hot loops use the model's own header.
 double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm,
-                   double velocity_nm_per_s = 0.0);
+                   double velocity_nm_per_s = 0.0, bool engaged = false);
 
 }  // namespace combforce

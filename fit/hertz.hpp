@@ -6,17 +6,21 @@
 //
 // What a model offers, here and in dmt.hpp (model_list.hpp holds the list):
 //   force()           the formula, for double and for automatic differentiation.
-//   linear            the parameters that enter linearly: F = sum over them of p_k phi_k(d; other
-//   parameters). contact(), tail() the phi_k and their derivatives at depth p0 - d >= 0, and at height d - p0
-//   > 0; contact_terms
-//                     and tail_terms say which. Those not listed vanish on that side.
+//   linear            the parameters that enter linearly: F = sum over them of p_k phi_k(d; other ones).
+//   contact(), tail() the phi_k and their derivatives at depth p0 - d >= 0, and at height d - p0 > 0;
+//                     contact_terms and tail_terms say which. Those not listed vanish on that side.
 //                     Where the force depends on the tip's velocity (kelvin_voigt.hpp), force() and contact()
 //                     take it last, nm/s, and lag_s() says from where on the force is clamped at 0.
 //   tail_length()     in the tail the force is analytic in d but for a pole no closer than this below p0.
 //   least_height_nm   where the force has a pole at p0 itself (lennard_jones.hpp), it is constant below this.
-//   shapes            start values of the nonlinear parameters but p0 (the other entries are not used).
-// p[0] is always the surface position, the only place where F or its derivatives may jump; in contact F may
-// behave as (p0 - d)^(3/2) there.
+//   release_height_nm() where the force depends on history (jkr.hpp), contact lasts up to so far above p0:
+//                     tail() is of a tip still engaged, and force() takes last whether it is. Its derivatives
+//                     are release_gradient(). Terms list a derivative by what moves p0 or the release even
+//                     where it is 0: it takes up the jump there.
+//   ratio             a parameter that enters by its ratio to the one linear parameter (jkr.hpp).
+//   shapes            start values of the nonlinear parameters but p0; the linear ones are 1.
+// p[0] is always the surface position. F or its derivatives may jump there, and where contact is lost, alone;
+// in contact F may behave as (p0 - d)^(3/2) at p0, and as the root of the distance where contact is lost.
 #pragma once
 
 #include <array>

@@ -6,10 +6,12 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "fit/capillary.hpp"
 #include "fit/cone.hpp"
 #include "fit/dmt.hpp"
 #include "fit/flat_punch.hpp"
 #include "fit/hertz.hpp"
+#include "fit/jkr.hpp"
 #include "fit/kelvin_voigt.hpp"
 #include "fit/lennard_jones.hpp"
 
@@ -24,7 +26,7 @@ std::optional<double> reduced_modulus(const ModelInfo& model, double strength, c
     return std::numbers::pi * strength / (2.0 * std::tan(*tip.half_angle_deg * std::numbers::pi / 180.0));
   if (!tip.radius_nm) return std::nullopt;
   if (is(FlatPunch::model)) return strength / (2.0 * *tip.radius_nm);
-  if (is(Hertz::model) || is(Dmt::model) || is(KelvinVoigt::model))
+  if (is(Hertz::model) || is(Dmt::model) || is(Jkr::model) || is(KelvinVoigt::model) || is(Capillary::model))
     return 0.75 * strength / std::sqrt(*tip.radius_nm);
   return std::nullopt;
 }
@@ -85,6 +87,9 @@ MaterialParameters material_of(const ModelInfo& model, std::span<const double> p
   material.reduced_modulus_gpa = reduced_modulus(model, parameters[1], tip);
   if (material.reduced_modulus_gpa)
     material.young_modulus_gpa = young_modulus(*material.reduced_modulus_gpa, tip);
+  if (model.name == Jkr::model.name && tip.radius_nm)
+    material.work_of_adhesion_mj_per_m2 =
+        mj_per_m2_per_nn_per_nm * 2.0 * parameters[2] / (3.0 * std::numbers::pi * *tip.radius_nm);
   if (model.name != Dmt::model.name || !tip.radius_nm) return material;
   const double radius = *tip.radius_nm, adhesion = parameters[2], range = parameters[3];
   const double work = adhesion / (2.0 * std::numbers::pi * radius);

@@ -1,14 +1,16 @@
 // What a fit says of the material, where the shape of the tip and the Poisson ratios are known.
 //
 //     1/E* = (1 - nu^2)/E + (1 - nu_tip^2)/E_tip
-//     E* = 3 p1/(4 sqrt(R))         Hertz, DMT, Kelvin-Voigt
+//     E* = 3 p1/(4 sqrt(R))         Hertz, DMT, JKR, Kelvin-Voigt, capillary
 //     E* = pi p1/(2 tan(theta))     cone
 //     E* = p1/(2 a)                 flat punch
 //     H  = 6 p2 p3^2/R              DMT: Hamaker's constant
 //     H  = 6 p1/R                   Lennard-Jones
 //     w  = p2/(2 pi R)              DMT: work of adhesion, from the pull-off force 2 pi w R
+//     w  = 2 p2/(3 pi R)            JKR: from its pull-off force (3/2) pi w R
 //     mu = (R w^2/(E*^2 p3^3))^(1/3)   Tabor's number (Tabor 1977, J. Colloid Interface Sci. 58, 2), with the
-//                                   contact distance p3 as the range of the attraction
+//                                   contact distance p3 as the range of the attraction; absent for JKR, which
+//                                   has no range
 //
 // Which theory of adhesive contact a Tabor number asks for: DMT below 0.1, JKR above 5 (Johnson, Greenwood
 // 1997, J. Colloid Interface Sci. 192, 326); neither is right between.

@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "fit/fit_result.hpp"
@@ -23,6 +24,7 @@
 #include "fit/refined_fit.hpp"
 #include "fit/residuals.hpp"
 #include "fit/start_values.hpp"
+#include "fit/touch_search.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
 #include "fit/whitening.hpp"
@@ -37,7 +39,13 @@ class ModelFitter : public Fitter {
 
   explicit ModelFitter(const FitterSetup& setup)
       : balance_(&setup.balance),
-        starts_(setup.balance.motion(), DependsOnVelocity<Model> ? setup.balance.velocity_per_slope() : 0.0),
+        starts_(setup.balance.motion(), StartValues::kind_of<Model>, setup.balance.velocity_per_slope()),
+        touches_([&] {
+          if constexpr (DependsOnHistory<Model>)
+            return TouchSearch<Model>(setup.balance);
+          else
+            return Nothing{};
+        }()),
         residuals_(setup.balance, setup.tones),
         jacobian_(static_cast<Eigen::Index>(2 * setup.tones), Model::parameters),
         differences_(static_cast<Eigen::Index>(2 * setup.tones)),
@@ -50,7 +58,9 @@ class ModelFitter : public Fitter {
     x_.setZero();
     solver_.options.max_num_iterations = 0;
     solver_.Solve(residuals_, &x_);
-    if (setup.harmonics != nullptr) refined_.emplace(*setup.harmonics, setup.refine, setup.profile_intervals);
+    if constexpr (refines)
+      if (setup.harmonics != nullptr)
+        refined_.emplace(*setup.harmonics, setup.refine, setup.profile_intervals);
   }
 
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
@@ -60,7 +70,7 @@ class ModelFitter : public Fitter {
     bound_to_motion();
     balance_->reset();
     iterations_ = 0;
-    std::array<Parameters, StartValues::most> starts;
+    std::array<Parameters, StartValues::most<Model>> starts;
     std::size_t count = 1;
     if (start.empty()) {
       starts_.set_motion(balance_->motion());
@@ -69,10 +79,12 @@ class ModelFitter : public Fitter {
       std::copy_n(start.begin(), starts[0].size(), starts[0].begin());
     }
     if (refined_) {
-      std::array<Parameters, StartValues::dispersed_depths> further;
-      if (start.empty()) starts_.template dispersed<Model>(measured.phasors(), weights, in_force_, further);
-      refined_->fit(measured, tones, whitening, beyond_paper_, std::span(starts).first(count),
-                    std::span(further).first(start.empty() ? further.size() : 0), result);
+      if constexpr (refines) {
+        std::array<Parameters, StartValues::dispersed_depths> further;
+        if (start.empty()) starts_.template dispersed<Model>(measured.phasors(), weights, in_force_, further);
+        refined_->fit(measured, tones, whitening, beyond_paper_, std::span(starts).first(count),
+                      std::span(further).first(start.empty() ? further.size() : 0), result);
+      }
     } else {
       if (start.empty()) count = polish(std::span(starts).first(count));
       fit_paper(std::span(starts).first(count), measured, weights, whitening, start.empty(), result);
@@ -90,7 +102,7 @@ class ModelFitter : public Fitter {
     std::copy_n(parameters.begin(), p.size(), p.begin());
     double coarse = std::numeric_limits<double>::quiet_NaN();
     for (std::size_t level = 0; level < ForceBalance::levels; ++level) {
-      balance_->prepare(p[0], level, has_tail);
+      balance_->prepare(contact_top_nm<Model>(p.data()), level, has_tail);
       residuals_.linearize(p, jacobian_, finer_);
       const double sum = error_of_finer(weights);
       if (std::abs(sum - coarse) <= 1e-6 * sum) return sum;
@@ -101,13 +113,19 @@ class ModelFitter : public Fitter {
 
  private:
   using Solver = ceres::TinySolver<Residuals<Model>>;
-  static constexpr bool has_tail = !Model::tail_terms.empty();
+  static constexpr bool has_tail = !Model::tail_terms.empty() && !DependsOnHistory<Model>;
+  struct Nothing {};
+  static constexpr bool refines = !DependsOnHistory<Model>;
 
   // Aims of the quadrature: surface position, nm; other parameters, of their value. Ten times that is
   // accepted at the finest level, and whatever is below a hundredth of the standard error.
   static constexpr double position_tolerance_nm = 1e-4;
   static constexpr double relative_tolerance = 5e-5;
   static constexpr double ill_conditioned_error = 0.3;
+  // Minima from which jumps are crossed; how far, of the motion's span, and how often from the least.
+  static constexpr std::size_t crossed = 3;
+  static constexpr double far_of_span = 0.02, near_of_span = 0.005;
+  static constexpr int most_rounds = 5;
   static constexpr double as_good =
       1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
 
@@ -127,8 +145,8 @@ class ModelFitter : public Fitter {
   // Replaces the starts by the local minima of the paper's error that they lead to, each once, least first;
   // returns how many.
   std::size_t polish(std::span<Parameters> starts) {
-    std::array<Parameters, StartValues::most> minima;
-    std::array<double, StartValues::most> costs{};
+    std::array<Parameters, StartValues::most<Model>> minima;
+    std::array<double, StartValues::most<Model>> costs{};
     std::size_t found = 0;
     for (Parameters p : starts) {
       residuals_.release();
@@ -145,8 +163,39 @@ class ModelFitter : public Fitter {
       costs[place] = cost;
       minima[place] = p;
     }
+    if constexpr (DependsOnHistory<Model>) cross_jumps(std::span(minima).first(found), costs);
     std::copy_n(minima.begin(), found, starts.begin());
     return found;
+  }
+
+  // On from the least minima across the jumps of E (touch_search.hpp); from the least of what that finds, as
+  // long as there is a lower one beside it.
+  void cross_jumps(std::span<Parameters> minima, std::span<double> costs) {
+    const double span = balance_->motion().highest_nm() - balance_->motion().lowest_nm();
+    for (std::size_t i = 0; i < std::min(minima.size(), crossed); ++i) {
+      cross_jumps(minima[i], costs[i], far_of_span * span);
+      if (costs[i] < costs[0]) {
+        std::swap(costs[i], costs[0]);
+        std::swap(minima[i], minima[0]);
+      }
+    }
+    for (int round = 0; round < most_rounds; ++round)
+      if (!cross_jumps(minima[0], costs[0], near_of_span * span)) break;
+  }
+
+  // Whether that has lowered the cost.
+  bool cross_jumps(Parameters& p, double& cost, double reach) {
+    std::array<Parameters, TouchSearch<Model>::most> places;
+    const std::size_t count = touches_.search(residuals_, solver_, p, reach, places);
+    bool lower = false;
+    for (Parameters& q : std::span(places).first(count)) {
+      residuals_.release();
+      if (!solve(q, 0, 30, 1e-4) || !(solver_.summary.final_cost < (1.0 - 1e-3) * cost)) continue;
+      cost = solver_.summary.final_cost;
+      p = q;
+      lower = true;
+    }
+    return lower;
   }
 
   // Closer than a polished start is to its minimum.
@@ -178,7 +227,8 @@ class ModelFitter : public Fitter {
         const std::array starts{trench.start(1.0), trench.start(-1.0)};
         residuals_.release();
         for (Parameters p : starts)
-          if (solve(p, 0, 30, 1e-4) && !within_noise(p, best) && !alike(p, other.p) &&
+          // Not where the way along the trench leads back.
+          if (solve(p, 0, 30, 1e-4) && !within_noise(p, best, 0.25) && !alike(p, other.p) &&
               rivals(p, best, weights, whitening))
             keep_best(minimum(p, measured, weights, whitening), best, other);
       }
@@ -201,16 +251,17 @@ class ModelFitter : public Fitter {
   // as the best: the margins are far above what a finer quadrature adds to E, and to chi^2.
   bool rivals(const Parameters& p, const Minimum& best, std::span<const double> weights,
               const Whitening& whitening) {
-    balance_->prepare(p[0], 0, has_tail);
+    balance_->prepare(contact_top_nm<Model>(p.data()), 0, has_tail);
     residuals_.linearize(p, jacobian_, finer_);
     return error_of_finer(weights) < as_good * best.error ||
            chi2_of_finer(whitening) < best.chi2 + std::max(10.0, 0.1 * best.chi2);
   }
 
-  // Nearer than the noise can tell: the way along the trench led back.
-  static bool within_noise(const Parameters& p, const Minimum& best) {
+  // Nearer than so many standard errors, if these are known.
+  static bool within_noise(const Parameters& p, const Minimum& best, double standard_errors) {
     for (std::size_t k = 0; k < p.size(); ++k)
-      if (!(std::abs(p[k] - best.p[k]) <= 0.25 * best.extent.std_errors[k])) return alike(p, best.p);
+      if (!(std::abs(p[k] - best.p[k]) <= standard_errors * best.extent.std_errors[k]))
+        return alike(p, best.p);
     return true;
   }
 
@@ -232,6 +283,10 @@ class ModelFitter : public Fitter {
   // others the one with the least chi^2 stays.
   static void keep_best(Minimum one, Minimum& best, Minimum& other) {
     if (one.result.status == FitStatus::not_converged || alike(one.p, best.p)) return;
+    if (DependsOnHistory<Model> && within_noise(one.p, best, 2.0)) {  // beyond a jump of E, but no farther
+      if (one.error < best.error) best = one;
+      return;
+    }
     const bool unsolved = best.result.status == FitStatus::not_converged;
     if (one.error < (unsolved ? as_good : 1.0) * best.error) std::swap(one, best);
     if (one.result.status != FitStatus::not_converged && one.chi2 < other.chi2) other = one;
@@ -248,13 +303,13 @@ class ModelFitter : public Fitter {
     solver_.options.initial_trust_region_radius = 1e6;
     for (int attempt = 0; attempt < 10; ++attempt) {
       x_ = residuals_.coordinates(p);
-      balance_->prepare(residuals_.surface(x_), level, has_tail);
+      balance_->prepare(residuals_.contact_top(x_), level, has_tail);
       residuals_.invalidate();
       solver_.options.function_tolerance = tolerance * residuals_.squared_norm(x_);
       solver_.Solve(residuals_, &x_);
       iterations_ += static_cast<std::uint32_t>(solver_.summary.iterations);
       p = residuals_.parameters(x_);
-      if (p[0] > balance_->ceiling_nm() - 0.5 * balance_->margin_nm()) continue;
+      if (contact_top_nm<Model>(p.data()) > balance_->ceiling_nm() - 0.5 * balance_->margin_nm()) continue;
       if (solver_.summary.status == Solver::HIT_MAX_ITERATIONS && residuals_.hold_at_edges(x_)) continue;
       return solver_.summary.status != Solver::HIT_MAX_ITERATIONS &&
              std::isfinite(solver_.summary.final_cost);
@@ -273,20 +328,25 @@ class ModelFitter : public Fitter {
       solved = solve(p, level, 100, 1e-9);
       std::ranges::copy(residuals_.held(x_), at.fixed.begin());
       residuals_.linearize(p, jacobian_, differences_);
-      balance_->prepare(p[0], level + 1, has_tail);
+      balance_->prepare(contact_top_nm<Model>(p.data()), level + 1, has_tail);
       residuals_.linearize(p, jacobian_, finer_);
       differences_ = finer_ - differences_;
       result.quadrature_errors = minimum_shift(at, differences_);
-      good = solved && within(p, result, 1.0);
+      good = solved && within(p, result.quadrature_errors, result, 1.0);
     }
-    if (good) step(at, p);
-    std::ranges::copy(p, result.parameters.begin());
     const double chi2 = chi2_of_finer(whitening);
     const bool determined =
         estimate_uncertainty(at, measured.covariance(), chi2, measured.noise_known(), result);
     estimate_uncertainty(at, measured.search_covariance(), chi2, true, extent);
-    const bool bounded = std::ranges::any_of(at.fixed, [](bool fixed) { return fixed; });
-    if (!(good || (solved && (within(p, result, 10.0) || !determined))))
+    // What remains of the way to the minimum of the finest quadrature evaluated: one Gauss-Newton step. Where
+    // E jumps there is none to go to; that place is as good where the noise cannot tell.
+    const auto left = minimum_shift(at, finer_);
+    const bool at_jump = DependsOnHistory<Model> && !within(p, left, result, 10.0);
+    if (good && !at_jump) step(left, p);
+    std::ranges::copy(p, result.parameters.begin());
+    const bool bounded = std::ranges::any_of(at.fixed, [](bool fixed) { return fixed; }) ||
+                         (at_jump && determined && !within(p, left, result, 10.0, 1.0));
+    if (!(good || (solved && (within(p, result.quadrature_errors, result, 10.0) || !determined))))
       result.status = FitStatus::not_converged;
     else if (bounded)
       result.status = FitStatus::at_bound;
@@ -297,20 +357,20 @@ class ModelFitter : public Fitter {
     return chi2;
   }
 
-  // What remains of the way to the minimum of the finest quadrature evaluated: one Gauss-Newton step.
-  void step(const Linearization& at, Parameters& p) {
-    const auto step = minimum_shift(at, finer_);
+  void step(const std::array<double, max_parameters>& way, Parameters& p) const {
     for (std::size_t k = 0; k < p.size(); ++k) {
-      const double next = p[k] + step[k];
+      const double next = p[k] + way[k];
       if (next > in_force_[k].lower && next < in_force_[k].upper) p[k] = next;
     }
   }
 
-  static bool within(const Parameters& p, const FitResult& result, double factor) {
+  // Changes within `factor` times the aims, or below a share of the standard errors.
+  static bool within(const Parameters& p, const std::array<double, max_parameters>& changes,
+                     const FitResult& result, double factor, double share = 0.01) {
     for (std::size_t k = 0; k < p.size(); ++k) {
       double tolerance = factor * (k == 0 ? position_tolerance_nm : relative_tolerance * std::abs(p[k]));
-      if (result.std_errors[k] > 0.0) tolerance = std::max(tolerance, 0.01 * result.std_errors[k]);
-      if (!(std::abs(result.quadrature_errors[k]) <= tolerance)) return false;
+      if (result.std_errors[k] > 0.0) tolerance = std::max(tolerance, share * result.std_errors[k]);
+      if (!(std::abs(changes[k]) <= tolerance)) return false;
     }
     return true;
   }
@@ -324,13 +384,14 @@ class ModelFitter : public Fitter {
 
   ForceBalance* balance_;
   StartValues starts_;
+  [[no_unique_address]] std::conditional_t<DependsOnHistory<Model>, TouchSearch<Model>, Nothing> touches_;
   Residuals<Model> residuals_;
   Solver solver_;
   typename Solver::Parameters x_;
   Eigen::MatrixXd jacobian_;
   Eigen::VectorXd differences_, finer_;
   std::vector<Bounds> bounds_, in_force_, beyond_paper_;  // as set, and for this motion
-  std::optional<RefinedFit<Model>> refined_;
+  std::optional<std::conditional_t<refines, RefinedFit<Model>, Nothing>> refined_;
   std::uint32_t iterations_ = 0;
 };
 

@@ -4,19 +4,21 @@
 #include <tuple>
 #include <utility>
 
+#include "fit/capillary.hpp"
 #include "fit/cone.hpp"
 #include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
 #include "fit/flat_punch.hpp"
 #include "fit/force_model.hpp"
 #include "fit/hertz.hpp"
+#include "fit/jkr.hpp"
 #include "fit/kelvin_voigt.hpp"
 #include "fit/lennard_jones.hpp"
 
 namespace combforce {
 
 // A new model is a header, its fitter (fitters/) and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo>;
+using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo, Jkr, Capillary>;
 
 // Calls function(Model{}) for the model that `info` describes, one of `Models`, and returns what it returns.
 template <typename Models = ForceModels, std::size_t Index = 0, typename Function>

@@ -14,6 +14,7 @@
 #include "fit/box_least_squares.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/force_model.hpp"
+#include "fit/linear_parameters.hpp"
 
 namespace combforce {
 
@@ -30,7 +31,8 @@ constexpr auto nonlinear_parameters() {
 // sqrt(weight) (F_model - F_measured), scaled so that the measured forces have the norm 1, as a function of
 // x: one unbounded coordinate a nonlinear parameter. The linear parameters are, at each x, those that make
 // the residuals least within their bounds (variable projection, Golub and Pereyra 1973; the Jacobian is the
-// exact one). A cost functor for ceres::TinySolver. Thread-bound; only the constructor allocates.
+// exact one). The coordinate of a parameter that a HasRatio model scales is its ratio to the linear one. A
+// cost functor for ceres::TinySolver. Thread-bound; only the constructor allocates.
 template <typename Model>
 class Residuals {
  public:
@@ -57,9 +59,11 @@ class Residuals {
     }
   }
   void set_bounds(std::span<const Bounds> bounds) {
-    for (std::size_t k = 0; k < nonlinear.size(); ++k)
-      bounded_[k] = Bounded(bounds[nonlinear[k]].lower, bounds[nonlinear[k]].upper);
-    for (std::size_t k = 0; k < Model::linear.size(); ++k) linear_bounds_[k] = bounds[Model::linear[k]];
+    std::ranges::copy(bounds, bounds_.begin());
+    for (std::size_t k = 0; k < nonlinear.size(); ++k) {
+      const Bounds own = coordinate_bounds<Model>(nonlinear[k], bounds);
+      bounded_[k] = Bounded(own.lower, own.upper);
+    }
     release();
   }
   // Holds at its bound every nonlinear parameter that x has brought to its edge, until release(): there the
@@ -73,6 +77,11 @@ class Residuals {
     }
     if (joined) valid_ = false;
     return joined;
+  }
+  // Holds the surface there, until release().
+  void hold_surface(double p0) {
+    held_[0] = true;
+    edges_(0) = bounded_[0].inverse(p0);
   }
   void release() {
     held_.fill(false);
@@ -97,7 +106,7 @@ class Residuals {
     }
     if (jacobian != nullptr)
       for (std::size_t k = 0; k < nonlinear.size(); ++k)
-        project(p, nonlinear[k], held_[k] ? 0.0 : bounded_[k].slope(x[k], p[nonlinear[k]]),
+        project(p, nonlinear[k], held_[k] ? 0.0 : bounded_[k].slope(x[k], bounded_[k].value(x[k])),
                 jacobian + k * static_cast<std::size_t>(NumResiduals()));
     return true;
   }
@@ -105,11 +114,15 @@ class Residuals {
   Coordinates coordinates(const Parameters& p) const {
     Coordinates x;
     for (std::size_t k = 0; k < nonlinear.size(); ++k)
-      x(index(k)) = held_[k] ? edges_(index(k)) : bounded_[k].inverse(p[nonlinear[k]]);
+      x(index(k)) = held_[k] ? edges_(index(k))
+                             : bounded_[k].inverse(p[nonlinear[k]] / unit_of<Model>(nonlinear[k], p.data()));
     return x;
   }
-  // The surface position at x, and all parameters.
-  double surface(const Coordinates& x) const { return bounded_[0].value(x(0)); }
+  // Up to where the contact reaches at x (force_model.hpp), and all parameters.
+  double contact_top(const Coordinates& x) const {
+    const Parameters p = unit_parameters(x.data());
+    return contact_top_nm<Model>(p.data());
+  }
   Parameters parameters(const Coordinates& x) const { return solve_linear(x.data()); }
   double squared_norm(const Coordinates& x) const {
     solve_linear(x.data());
@@ -126,6 +139,8 @@ class Residuals {
       result[nonlinear[k]] = bounded_[k].at_bound(x(index(k)));
     for (std::size_t k = 0; k < Model::linear.size(); ++k)
       result[Model::linear[k]] = box_.holds[k] != Hold::free;
+    if constexpr (HasRatio<Model>)
+      if (bound_by_ratio(solution_)) std::swap(result[Model::ratio], result[Model::linear[0]]);
     return result;
   }
 
@@ -167,15 +182,10 @@ class Residuals {
   // Evaluates the balance at x and finds the linear parameters; valid_ says whether x can be evaluated at
   // all.
   Parameters solve_linear(const double* x) const {
-    Coordinates at;
-    Parameters p;
-    p.fill(1.0);
-    for (std::size_t k = 0; k < nonlinear.size(); ++k) {
-      at(index(k)) = x[k];
-      p[nonlinear[k]] = bounded_[k].value(x[k]);
-    }
+    const Coordinates at = Eigen::Map<const Coordinates>(x);
     if (valid_ && at == last_) return solution_;
-    valid_ = p[0] <= balance_->ceiling_nm();
+    Parameters p = unit_parameters(x);
+    valid_ = contact_top_nm<Model>(p.data()) <= balance_->ceiling_nm();
     if (!valid_) return p;
     balance_->template evaluate<Model>(p.data(), terms_);
     Right right = Right::Zero();
@@ -191,11 +201,27 @@ class Residuals {
             normal_(row, unknown(term(l).linear)) +=
                 weighted(i, terms_(index(i), index(j)), terms_(index(i), index(l)));
     }
-    box_ = solve_box<unknowns>(normal_, right, linear_bounds_);
-    for (std::size_t k = 0; k < unknowns; ++k) p[Model::linear[k]] = box_.x(index(k));
+    box_ = solve_box<unknowns>(normal_, right, linear_bounds<Model>(p.data(), bounds_));
+    set_linear<Model>(box_, p);
     set_residuals(p);
     last_ = at;
     solution_ = p;
+    return p;
+  }
+
+  // Whether the linear parameter is held by the bound of the one that it scales.
+  bool bound_by_ratio(const Parameters& p) const {
+    const Bounds &own = bounds_[Model::linear[0]], &scaled = bounds_[Model::ratio];
+    const double ratio = p[Model::ratio] / p[Model::linear[0]];
+    return (box_.holds[0] == Hold::lower && scaled.lower / ratio > own.lower) ||
+           (box_.holds[0] == Hold::upper && scaled.upper / ratio < own.upper);
+  }
+
+  // The nonlinear parameters at x, the linear ones 1.
+  Parameters unit_parameters(const double* x) const {
+    Parameters p;
+    p.fill(1.0);
+    for (std::size_t k = 0; k < nonlinear.size(); ++k) p[nonlinear[k]] = bounded_[k].value(x[k]);
     return p;
   }
 
@@ -241,7 +267,10 @@ class Residuals {
       for (std::size_t l = 0; l < unknowns; ++l)
         if (box_.holds[l] == Hold::free) normal(row, index(l)) = normal_(row, index(l));
     }
-    const Right follow = Eigen::LLT<Normal>(normal).solve(right);
+    Right follow = Eigen::LLT<Normal>(normal).solve(right);
+    if constexpr (HasRatio<Model>)
+      if (parameter == Model::ratio && bound_by_ratio(p))
+        follow(0) = -p[Model::linear[0]] * p[Model::linear[0]] / p[Model::ratio];
     for (std::size_t j = 0; j < ForceBalance::columns<Model>; ++j)
       if (term(j).derivative == value_of_term)
         column_ += follow(unknown(term(j).linear)) * terms_.col(index(j));
@@ -255,7 +284,7 @@ class Residuals {
   std::vector<std::complex<double>> forces_;
   std::vector<double> scales_;
   std::array<Bounded, nonlinear.size()> bounded_;
-  std::array<Bounds, unknowns> linear_bounds_{};
+  std::array<Bounds, Model::parameters> bounds_{};
   std::array<bool, nonlinear.size()> held_{};  // at edges_
   Coordinates edges_ = Coordinates::Zero();
   // At last_, when valid_:

@@ -4,9 +4,10 @@
 //
 // A histogram of d over the period, with the phases of the tones as weights, gives model phasors at the cost
 // of its bins, to a percent or so; where the force depends on velocity, one coarser histogram for each of a
-// few classes of velocity, with the mean velocity in each bin. On it p0 is scanned over depths below … above
-// the turning point and over the model's shapes; the linear parameters follow by least squares, held at 0 or
-// above. The best few minima of the scan are the starts.
+// few classes of velocity, with the mean velocity in each bin; where it depends on history, for each surface
+// position one of the time in which the tip would be held if contact had no end. On it p0 is scanned over
+// depths below … above the turning point and over the model's shapes; the linear parameters follow by least
+// squares, held at 0 or above. The best few minima of the scan are the starts.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,13 +16,16 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <span>
 #include <vector>
 
 #include "fit/box_least_squares.hpp"
+#include "fit/excursion.hpp"
 #include "fit/fit_result.hpp"
 #include "fit/force_model.hpp"
+#include "fit/linear_parameters.hpp"
 #include "fit/motion.hpp"
 
 namespace combforce {
@@ -30,11 +34,19 @@ namespace combforce {
 class StartValues {
  public:
   static constexpr std::size_t depths = 97, stride = 4;
-  static constexpr std::size_t most = 6;  // starts
+  // Starts: more where E is rough.
+  template <typename Model>
+  static constexpr std::size_t most = DependsOnHistory<Model> ? 16 : 6;
 
-  // For motions with the bins of this one. `velocity_per_slope`: of it, for models that depend on velocity; 0
-  // for others.
-  explicit StartValues(const Motion& motion, double velocity_per_slope = 0.0);
+  // What the model's force depends on, besides d.
+  enum class Kind : std::uint8_t { deflection, velocity, history };
+  template <typename Model>
+  static constexpr Kind kind_of = DependsOnVelocity<Model>  ? Kind::velocity
+                                  : DependsOnHistory<Model> ? Kind::history
+                                                            : Kind::deflection;
+
+  // For motions with the bins of this one; `velocity_per_slope`: of it.
+  StartValues(const Motion& motion, Kind kind, double velocity_per_slope);
 
   // Builds the histogram of a motion.
   void set_motion(const Motion& motion);
@@ -44,7 +56,7 @@ class StartValues {
   template <typename Model>
   std::size_t scan(std::span<const std::complex<double>> forces, std::span<const double> weights,
                    std::span<const Bounds> bounds,
-                   std::span<std::array<double, Model::parameters>, most> starts);
+                   std::span<std::array<double, Model::parameters>, most<Model>> starts);
 
   // Starts all over the plausible: `dispersed_depths` depths from 0.5 % to half of the motion's span with the
   // model's middle shape each, deepest last. For a fit that has gone astray from those of the scan.
@@ -55,7 +67,8 @@ class StartValues {
                  std::span<std::array<double, Model::parameters>, dispersed_depths> starts);
 
  private:
-  static constexpr std::size_t speeds = 4;  // classes of velocity, each way
+  static constexpr std::size_t speeds = 4;     // classes of velocity, each way
+  static constexpr double least_depth = 1e-3;  // surface position of a scan, of the span
   static constexpr double worth_a_look = 1e3;
   static constexpr double doubt = 1e-5;  // (3 %)^2: error of the histogram's phasors, squared, of the forces'
 
@@ -71,7 +84,9 @@ class StartValues {
     std::vector<double> places;
     std::vector<std::complex<double>> phases;
   };
-  std::size_t histogram_of(double slope) const;
+  std::size_t histograms() const;
+  std::size_t histogram_of(double d, double slope);
+  std::size_t first_surface_above(double d) const;
   static Samples equidistant(const Motion& motion, std::size_t count);
   void add_samples(const Motion::Polynomial& c, const Samples& samples);
 
@@ -87,13 +102,21 @@ class StartValues {
                               std::span<const Bounds> bounds);
   template <typename Model>
   void add_bin(const double* p, std::size_t bin);
+  template <DependsOnHistory Model>
+  void add_held_bin(const double* p, std::size_t histogram, std::size_t bin);
+  template <typename Model, std::size_t Terms>
+  void add_terms(const std::array<ModelTerm, Terms>& terms, const std::array<double, Terms>& values,
+                 Eigen::Index column, double share);
 
+  Kind kind_;
   double velocity_per_slope_;
   std::size_t bins_;  // of a histogram
   double lowest_ = 0.0, span_ = 0.0, steepest_ = 0.0;
   std::vector<double> d_;  // of the bins: spaced as their index squared, closest at the turning point
-  // (re, im a tone) x bins, of the classes of velocity one after the other: falling, then rising.
+  // (re, im a tone) x bins, of the classes of velocity one after the other: falling, then rising; or of the
+  // surface positions of a scan.
   Eigen::MatrixXd histogram_;
+  Excursion excursion_;
   std::vector<double> velocity_, time_;  // of the bins: mean, nm/s, and what it is the mean of
   Eigen::MatrixXd basis_;                // (re, im a tone) x parameters
   std::vector<std::complex<double>> centre_;
@@ -122,10 +145,14 @@ StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Mo
   std::array<double, Model::parameters> p = shape;
   p[0] = p0;
   basis_.setZero();
-  for (std::size_t bin = 0; bin < d_.size(); ++bin) add_bin<Model>(p.data(), bin);
+  if constexpr (DependsOnHistory<Model>) {
+    const std::size_t histogram = first_surface_above(p0 - 1e-6 * (p0 - lowest_));
+    for (std::size_t bin = 0; bin < bins_; ++bin) add_held_bin<Model>(p.data(), histogram, bin);
+  } else {
+    for (std::size_t bin = 0; bin < d_.size(); ++bin) add_bin<Model>(p.data(), bin);
+  }
   Eigen::Matrix<double, unknowns, unknowns> normal;
   Eigen::Matrix<double, unknowns, 1> right;
-  std::array<Bounds, unknowns> box;
   normal.setZero();
   right.setZero();
   double constant = 0.0;
@@ -136,48 +163,70 @@ StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Mo
     right += weight * force * b.transpose();
     normal += weight * b.transpose() * b;
   }
-  for (std::size_t k = 0; k < unknowns; ++k) box[k] = bounds[Model::linear[k]];
-  const BoxSolution<unknowns> solution = solve_box<unknowns>(normal, right, box);
-  for (std::size_t k = 0; k < unknowns; ++k) p[Model::linear[k]] = solution.x(static_cast<Eigen::Index>(k));
+  const BoxSolution<unknowns> solution =
+      solve_box<unknowns>(normal, right, linear_bounds<Model>(p.data(), bounds));
+  set_linear<Model>(solution, p);
   return {p, constant + solution.value};
 }
 
 template <typename Model>
 void StartValues::add_bin(const double* p, std::size_t bin) {
-  const auto weights = histogram_.col(static_cast<Eigen::Index>(bin));
-  const auto add = [&](const auto& terms, const auto& values) {
-    for (std::size_t t = 0; t < terms.size(); ++t) {
-      if (terms[t].derivative != value_of_term) continue;
-      const auto k = std::ranges::find(Model::linear, terms[t].linear) - Model::linear.begin();
-      basis_.col(k) += values[t] * weights;
-    }
-  };
+  const auto column = static_cast<Eigen::Index>(bin);
   if (d_[bin] <= p[0])
-    add(Model::contact_terms, contact_of<Model>(p, p[0] - d_[bin], velocity_[bin]));
+    add_terms<Model>(Model::contact_terms, contact_of<Model>(p, p[0] - d_[bin], velocity_[bin]), column, 1.0);
   else if constexpr (!Model::tail_terms.empty())
-    add(Model::tail_terms, Model::tail(p, d_[bin] - p[0]));
+    add_terms<Model>(Model::tail_terms, Model::tail(p, d_[bin] - p[0]), column, 1.0);
+}
+
+// Of the bin where contact is lost a share.
+template <DependsOnHistory Model>
+void StartValues::add_held_bin(const double* p, std::size_t histogram, std::size_t bin) {
+  const double d = d_[bin],
+               width = 0.5 * (d_[std::min(bin + 1, bins_ - 1)] - d_[std::max<std::size_t>(bin, 1) - 1]);
+  const double release = Model::release_height_nm(p);
+  const double share = std::clamp(0.5 + (p[0] + release - d) / width, 0.0, 1.0);
+  if (!(share > 0.0)) return;
+  const auto column = static_cast<Eigen::Index>(histogram * bins_ + bin);
+  if (d <= p[0])
+    add_terms<Model>(Model::contact_terms, Model::contact(p, p[0] - d), column, 1.0);
+  else
+    add_terms<Model>(Model::tail_terms, Model::tail(p, std::min(d - p[0], release)), column, share);
+}
+
+template <typename Model, std::size_t Terms>
+void StartValues::add_terms(const std::array<ModelTerm, Terms>& terms,
+                            const std::array<double, Terms>& values, Eigen::Index column, double share) {
+  for (std::size_t t = 0; t < Terms; ++t) {
+    if (terms[t].derivative != value_of_term) continue;
+    const auto k = std::ranges::find(Model::linear, terms[t].linear) - Model::linear.begin();
+    basis_.col(k) += share * values[t] * histogram_.col(column);
+  }
 }
 
 template <typename Model>
 std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std::span<const double> weights,
                               std::span<const Bounds> bounds,
-                              std::span<std::array<double, Model::parameters>, most> starts) {
+                              std::span<std::array<double, Model::parameters>, most<Model>> starts) {
   constexpr std::size_t shapes = Model::shapes.size();
   std::array<Candidate<Model>, depths> profile;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < depths; i += stride) {
-    profile[i] = best_shape<Model>(surface<Model>(1e-3, i, depths), 0, shapes, forces, weights, bounds);
+    profile[i] =
+        best_shape<Model>(surface<Model>(least_depth, i, depths), 0, shapes, forces, weights, bounds);
     least = std::min(least, profile[i].error);
   }
   for (std::size_t i = 0; i + stride < depths; i += stride) {
     const Candidate<Model>&left = profile[i], &right = profile[i + stride];
     if (std::min(left.error, right.error) > worth_a_look * least) continue;
-    const std::size_t first = std::max<std::size_t>(std::min(left.shape, right.shape), 1) - 1;
-    const std::size_t last = std::min(std::max(left.shape, right.shape) + 2, shapes);
+    // Where E is rough the neighbours' shapes say little of those between.
+    const bool rough = DependsOnHistory<Model>;
+    const std::size_t first = rough ? 0 : std::max<std::size_t>(std::min(left.shape, right.shape), 1) - 1;
+    const std::size_t last = rough ? shapes : std::min(std::max(left.shape, right.shape) + 2, shapes);
     for (std::size_t j = i + 1; j < i + stride; ++j)
-      profile[j] = best_shape<Model>(surface<Model>(1e-3, j, depths), first, last, forces, weights, bounds);
+      profile[j] =
+          best_shape<Model>(surface<Model>(least_depth, j, depths), first, last, forces, weights, bounds);
   }
-  std::array<Candidate<Model>, most> best;
+  std::array<Candidate<Model>, most<Model>> best;
   for (std::size_t i = 0; i < depths; ++i) {
     if (i > 0 && profile[i - 1].error < profile[i].error) continue;
     if (i + 1 < depths && profile[i + 1].error <= profile[i].error) continue;

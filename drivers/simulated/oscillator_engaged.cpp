@@ -266,8 +266,13 @@ void Oscillator::engage(const ModelInfo& model, std::span<const double> paramete
                                             parameters.size(), model.parameters.size()));
   }
   std::ranges::copy(parameters, parameters_.begin());
-  visit_model(model,
-              [this]<typename Model>(Model /*type*/) { advance_ = &Oscillator::advance_engaged<Model>; });
+  visit_model(model, [this]<typename Model>(Model /*type*/) {
+    if constexpr (DependsOnHistory<Model>)
+      throw std::invalid_argument(
+          fmt::format("model: \"{}\", whose force depends on history, is not simulated", Model::model.name));
+    else
+      advance_ = &Oscillator::advance_engaged<Model>;
+  });
 }
 
 }  // namespace combforce

@@ -75,7 +75,8 @@ void validate(const SimulationSettings& settings) {
   for (const Complex& tone : exact_free_response(settings)) greatest_nm += std::abs(tone);
   require(greatest_nm <= most_motion_nm, "drive", fmt::format("{} nm of free motion", greatest_nm),
           fmt::format("<= {} nm", most_motion_nm));
-  find_model(settings.model);
+  require(!depends_on_history(find_model(settings.model)), "model", settings.model,
+          "one whose force does not depend on history: the others are fitted, not simulated");
   const FeedbackSettings& feedback = settings.feedback;
   if (feedback.enabled) {
     require(settings.comb.tones[0].driven, "comb.tones[0].driven", false,

@@ -54,6 +54,7 @@ Subject simulated(bool paced) {
   refuse([](SimulationSettings& s) { s.cantilever.modes[0].quality_factor = 0.0; },
          {"quality_factor", "0", "positive"});
   refuse([](SimulationSettings& s) { s.model = "lennard"; }, {"lennard", "hertz"});
+  refuse([](SimulationSettings& s) { s.model = "jkr"; }, {"model", "jkr", "history"});
   return subject;
 }
 

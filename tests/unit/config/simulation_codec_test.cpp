@@ -166,7 +166,7 @@ constexpr Refused refused_cases[] = {
     {"/scan", nullptr, "/scan", "is missing"},
     {"/scene", nullptr, "/scene", "is missing"},
     {"/model", nullptr, "/model", "is missing"},
-    {"/model", "\"jkr\"", "/model", "jkr"},
+    {"/model", "\"glue\"", "/model", "glue"},
     {"/speed", "1", "/speed", "unknown key"},
     {"/comb/tones/0/bin", "500", "/comb/tones/0/bin", "< window_samples/2 = 500"},
     {"/comb/tones/0/driven", "false", "/comb/tones", "no driven tone"},

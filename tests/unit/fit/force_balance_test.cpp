@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "tests/unit/fit/random_pixel.hpp"
+#include "tests/unit/fit/terms_of_balance.hpp"
 
 namespace combforce {
 namespace {
@@ -15,33 +16,6 @@ std::vector<std::uint64_t> bins_of(const FitConditions& conditions) {
   std::vector<std::uint64_t> bins;
   for (const Tone& tone : conditions.comb.tones) bins.push_back(tone.bin);
   return bins;
-}
-
-// Columns F, dF/dp …; rows (re, im) of each tone, as the reference has it.
-template <typename Model>
-Eigen::MatrixXd by_balance(const ForceBalance& balance, const std::vector<double>& p) {
-  const auto tones = static_cast<Eigen::Index>(balance.motion().tones());
-  Eigen::MatrixXcd terms(tones, static_cast<Eigen::Index>(ForceBalance::columns<Model>));
-  balance.evaluate<Model>(p.data(), terms);
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(2 * tones, 1 + Model::parameters);
-  const auto add = [&](const auto& list, Eigen::Index first) {
-    for (std::size_t j = 0; j < list.size(); ++j)
-      for (Eigen::Index i = 0; i < tones; ++i) {
-        const std::complex<double> term = terms(i, first + static_cast<Eigen::Index>(j));
-        const Eigen::Vector2d parts(term.real(), term.imag());
-        const auto [linear, derivative] = list[j];
-        if (derivative == velocity_of_term) continue;
-        if (derivative == value_of_term) {
-          sum.block<2, 1>(2 * i, 0) += p[linear] * parts;
-          sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(linear)) += parts;
-        } else {
-          sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(derivative)) += p[linear] * parts;
-        }
-      }
-  };
-  add(Model::contact_terms, 0);
-  add(Model::tail_terms, static_cast<Eigen::Index>(Model::contact_terms.size()));
-  return sum;
 }
 
 template <typename Model>
@@ -54,7 +28,7 @@ void levels_approach_the_reference(const test::ModelPixel& pixel) {
   std::vector<Eigen::MatrixXd> found;
   for (std::size_t level = 0; level < ForceBalance::levels; ++level) {
     balance.prepare(pixel.truth[0], level, !Model::tail_terms.empty());
-    found.push_back(by_balance<Model>(balance, pixel.truth));
+    found.push_back(test::terms_of_balance<Model>(balance, pixel.truth));
   }
   // What the cells' polynomials leave: 5e-11 of 50 nm of motion, against lengths of 0.3 nm, and the far grid.
   constexpr double floor = 1e-6;
@@ -109,7 +83,7 @@ TEST(ForceBalance, HoldsWithoutContactAndWithoutRelease) {
     const std::vector<double> p{p0, 1.0, 5.0, 0.5};
     balance.prepare(p0, ForceBalance::levels - 1, true);
     const Eigen::MatrixXd expected = test::reference_force<Dmt>(motion, p);
-    const Eigen::MatrixXd found = by_balance<Dmt>(balance, p);
+    const Eigen::MatrixXd found = test::terms_of_balance<Dmt>(balance, p);
     for (Eigen::Index column = 0; column < expected.cols(); ++column)
       EXPECT_LE((found.col(column) - expected.col(column)).norm(), 1e-6 * expected.col(column).norm() + 1e-9)
           << "p0 " << p0 << ", column " << column;
@@ -130,7 +104,8 @@ TEST(ForceBalance, OnePreparationServesSurfacesUpToItsCeiling) {
     p[0] = p0;
     anew.reset();
     anew.prepare(p0, ForceBalance::levels - 1, true);
-    const Eigen::MatrixXd one = by_balance<Dmt>(prepared, p), other = by_balance<Dmt>(anew, p);
+    const Eigen::MatrixXd one = test::terms_of_balance<Dmt>(prepared, p),
+                          other = test::terms_of_balance<Dmt>(anew, p);
     for (Eigen::Index column = 0; column < one.cols(); ++column)
       EXPECT_LE((one.col(column) - other.col(column)).norm(), 2e-6 * other.col(column).norm())
           << "p0 " << p0 << ", column " << column;

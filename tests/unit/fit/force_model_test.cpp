@@ -40,18 +40,21 @@ class EveryModel : public testing::Test {
     }
     return p;
   }
-  // From the surface, where tips are: above a pole, not far below where a force grows exponentially.
+  // From the surface, where tips are: above a pole, not far below where a force grows exponentially, not yet
+  // let go where they are held.
   double distance_nm([[maybe_unused]] const Parameters& p) {
     const double distance = exponential(StaysAboveSurface<Model> ? 0.1 : 1e-3, 1e2);
-    if constexpr (std::is_same_v<Model, Dlvo>)
+    if constexpr (DependsOnHistory<Model>)
+      return std::min(distance, 0.5 * Model::release_height_nm(p.data()));
+    else if constexpr (std::is_same_v<Model, Dlvo>)
       return std::min(distance, 20.0 * p[2]);
     else
       return distance;
   }
   // On which forces change, of the distance.
-  static constexpr double smooth_share = StaysAboveSurface<Model>      ? 0.1
-                                         : std::is_same_v<Model, Dlvo> ? 0.03
-                                                                       : 1.0;
+  static constexpr double smooth_share = StaysAboveSurface<Model> || DependsOnHistory<Model> ? 0.1
+                                         : std::is_same_v<Model, Dlvo>                       ? 0.03
+                                                                                             : 1.0;
   // Below and above what the paper's cantilever reaches, 4e7 nm/s; either direction.
   double velocity_nm_per_s() { return exponential(1e5, 1e8) * (uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0); }
 
@@ -97,7 +100,7 @@ TYPED_TEST(EveryModel, TermsAddUpToTheForceAndItsAutomaticDerivatives) {
     std::array<Jet, TypeParam::parameters> jets;
     for (std::size_t k = 0; k < this->count; ++k) jets[k] = Jet(p[k], static_cast<int>(k));
     const double velocity = this->velocity_nm_per_s();
-    const Jet expected = force_of<TypeParam>(jets.data(), Jet(d), velocity);
+    const Jet expected = force_of<TypeParam>(jets.data(), Jet(d), velocity, true);
     const auto terms = this->by_terms(p, d, velocity);
     // Rounding: p0 - d loses 1e-14 nm of |p0| <= 50 nm, that is 1e-11 of the least distance; adhesion and
     // contact may cancel, hence the scale.
@@ -127,7 +130,7 @@ TYPED_TEST(EveryModel, DerivativesAreFiniteDifferences) {
       const auto shifted = [&](double steps) {
         auto q = p;
         if (!of_velocity) q[k] += steps * step;
-        return force_of<TypeParam>(q.data(), d, of_velocity ? velocity + steps * step : velocity);
+        return force_of<TypeParam>(q.data(), d, of_velocity ? velocity + steps * step : velocity, true);
       };
       // Steps that would cross where a force is clamped say nothing.
       if ((shifted(-2.0) == 0.0) != (shifted(2.0) == 0.0)) continue;
@@ -147,8 +150,8 @@ TYPED_TEST(EveryModel, IsContinuousAtTheSurface) {
   for (int i = 0; i < 100; ++i) {
     auto p = this->parameters();
     p[0] = 0.0;
-    const double above = force_of<TypeParam>(p.data(), 1e-9, 0.0),
-                 below = force_of<TypeParam>(p.data(), -1e-9, 0.0);
+    const double above = force_of<TypeParam>(p.data(), 1e-9, 0.0, true),
+                 below = force_of<TypeParam>(p.data(), -1e-9, 0.0, true);
     // Slopes of at most 2 p2/p3 <= 2e4 nN/nm over 2e-9 nm.
     EXPECT_NEAR(above, below, 1e-4 * (1.0 + std::abs(above)));
     if (TypeParam::tail_terms.empty()) {
@@ -186,6 +189,34 @@ TEST(FlatPunch, IsSneddonsForce) {
 }
 
 // F = 0 where z^6 = sigma^6/30; the deepest well, where 8 sigma^6/30 = 2 z^6, is 3/4 of -1/z^2 deep.
+// At depth 0, and where contact is lost, the forces are -8/9 and -5/9 of the pull-off force.
+TEST(Jkr, IsTheTextbooksOnBothBranches) {
+  const std::array<double, 3> p{-40.0, 1.5, 5.0};
+  EXPECT_NEAR(Jkr::force(p.data(), -40.0 - 1e-12, false), -8.0 / 9.0 * 5.0, 1e-9);
+  EXPECT_EQ(Jkr::force(p.data(), -40.0 + 1e-9, false), 0.0);
+  const double release = Jkr::release_height_nm(p.data());
+  EXPECT_NEAR(release, 3.0 * std::pow(5.0 / (9.0 * 1.5), 2.0 / 3.0), 1e-12);
+  EXPECT_NEAR(Jkr::force(p.data(), -40.0 + release * (1.0 - 1e-12), true), -5.0 / 9.0 * 5.0, 1e-4);
+  EXPECT_EQ(Jkr::force(p.data(), -40.0 + release + 1e-9, true), 0.0);
+  // s = 3 nm^(1/2): depth 9 - 4/3 sqrt(10), force 40.5 - 2 sqrt(7.5 * 27).
+  EXPECT_NEAR(Jkr::force(p.data(), -49.0 + 4.0 / 3.0 * std::sqrt(10.0), false), 40.5 - 2.0 * std::sqrt(202.5),
+              1e-11);
+  EXPECT_EQ(model_force(find_model("jkr"), p, -39.5), 0.0);
+  EXPECT_EQ(model_force(find_model("jkr"), p, -39.5, 0.0, true), Jkr::force(p.data(), -39.5, true));
+  EXPECT_TRUE(depends_on_history(find_model("jkr")));
+  EXPECT_FALSE(depends_on_history(find_model("dmt")));
+}
+
+// At z = p3 the meniscus pulls with 1 - 1/sqrt(2) of its force.
+TEST(Capillary, PullsUntilTheMeniscusRuptures) {
+  const std::array<double, 5> p{-40.0, 1.5, 5.0, 2.0, 3.0};
+  EXPECT_DOUBLE_EQ(Capillary::force(p.data(), -44.0, false), 1.5 * 8.0 - 5.0);
+  EXPECT_EQ(Capillary::force(p.data(), -39.0, false), 0.0);
+  EXPECT_DOUBLE_EQ(Capillary::force(p.data(), -38.0, true), -5.0 * (1.0 - 1.0 / std::sqrt(2.0)));
+  EXPECT_LT(Capillary::force(p.data(), -37.0 - 1e-9, true), 0.0);
+  EXPECT_EQ(Capillary::force(p.data(), -37.0 + 1e-9, true), 0.0);
+}
+
 TEST(LennardJones, HasItsZeroAndItsWellWhereTheFormulaSays) {
   const std::array<double, 3> p{-40.0, 0.2, 0.34};
   const double zero = 0.34 / std::pow(30.0, 1.0 / 6.0), well = zero * std::pow(4.0, 1.0 / 6.0);

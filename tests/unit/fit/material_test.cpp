@@ -63,6 +63,16 @@ TEST(Material, AdhesionOfDmt) {
   EXPECT_EQ(material.theory, AdhesionTheory::transition);
 }
 
+// w = 50 mJ/m^2, R = 10 nm: a pull-off force of (3/2) pi 0.05 nN/nm 10 nm.
+TEST(Material, AdhesionOfJkr) {
+  const std::vector<double> p{-40.0, 4.0 / 3.0 * 2.0 * std::sqrt(10.0), 1.5 * pi * 0.05 * 10.0};
+  const MaterialParameters material = material_of(find_model("jkr"), p, tip_of(10.0));
+  EXPECT_NEAR(*material.reduced_modulus_gpa, 2.0, 1e-12);
+  EXPECT_NEAR(*material.work_of_adhesion_mj_per_m2, 50.0, 1e-9);
+  EXPECT_FALSE(material.tabor_number);
+  EXPECT_FALSE(material.hamaker_zj);
+}
+
 TEST(Material, HamakerOfLennardJones) {
   const std::vector<double> p{-40.0, 0.1 * 10.0 / 6.0, 0.34};
   EXPECT_NEAR(*material_of(find_model("lennard_jones"), p, tip_of(10.0)).hamaker_zj, 100.0, 1e-9);

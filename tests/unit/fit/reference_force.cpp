@@ -3,6 +3,7 @@
 #include <boost/math/quadrature/gauss_kronrod.hpp>
 #include <boost/math/tools/roots.hpp>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <numeric>
@@ -70,16 +71,33 @@ double ReferenceMotion::lowest_nm() const {
   return lowest;
 }
 
+std::vector<double> ReferenceMotion::crossings(double d_nm) const {
+  std::vector<double> times;
+  const auto side = [&](double t) { return at(t) - d_nm; };
+  for (std::size_t i = 0; i + 1 < cuts_.size(); ++i)
+    if (side(cuts_[i]) * side(cuts_[i + 1]) < 0.0) times.push_back(root(side, cuts_[i], cuts_[i + 1]));
+  return times;
+}
+
 Eigen::MatrixXd ReferenceMotion::integrate(std::span<const Edge> edges, std::size_t columns,
                                            const Integrand& functions, double tolerance) const {
-  std::vector<double> cuts = cuts_;
+  return integrate_between(0.0, 1.0, edges, columns, functions, tolerance);
+}
+
+Eigen::MatrixXd ReferenceMotion::integrate_between(double from, double to, std::span<const Edge> edges,
+                                                   std::size_t columns, const Integrand& functions,
+                                                   double tolerance) const {
+  std::vector<double> cuts{from, to};
+  std::ranges::copy_if(cuts_, std::back_inserter(cuts), [&](double t) { return t > from && t < to; });
+  std::ranges::sort(cuts);
+  const std::vector<double> monotone = cuts;
   constexpr int steps = 32;  // a stretch between turning points; two roots within one step are not seen
   for (const Edge& edge : edges) {
     const auto side = [&](double t) { return edge(at(t), slope(t) * periods_per_s_); };
-    for (std::size_t i = 0; i + 1 < cuts_.size(); ++i) {
-      double before = cuts_[i], side_before = side(before);
+    for (std::size_t i = 0; i + 1 < monotone.size(); ++i) {
+      double before = monotone[i], side_before = side(before);
       for (int step = 1; step <= steps; ++step) {
-        const double t = std::lerp(cuts_[i], cuts_[i + 1], static_cast<double>(step) / steps);
+        const double t = std::lerp(monotone[i], monotone[i + 1], static_cast<double>(step) / steps);
         const double side_here = side(t);
         if (side_before * side_here < 0.0) cuts.push_back(root(side, before, t));
         before = t;

@@ -42,6 +42,17 @@ class ReferenceMotion {
   Eigen::MatrixXd integrate(std::span<const Edge> edges, std::size_t columns, const Integrand& functions,
                             double tolerance = 1e-8) const;
 
+  // The same over [from, to], periods, alone: the functions are smooth there but at the turning points and
+  // edges.
+  Eigen::MatrixXd integrate_between(double from, double to, std::span<const Edge> edges, std::size_t columns,
+                                    const Integrand& functions, double tolerance = 1e-8) const;
+
+  // Times of turning points, ascending, between 0 and 1, which are in it too.
+  std::span<const double> turning_points() const { return cuts_; }
+
+  // When d crosses a value: ascending, within a period.
+  std::vector<double> crossings(double d_nm) const;
+
  private:
   struct Stretch {
     double begin, end;  // periods

@@ -241,7 +241,7 @@ TEST(Description, RefusesBadScansNoiseAndFits) {
                    "/detector_nm_per_sqrt_hz/1", ">= 0"}});
   expect_refused(
       decode_fit,
-      {{R"({"model": "jkr"})", "/model", "dmt"},
+      {{R"({"model": "glue"})", "/model", "dmt"},
        {R"({"refine": 1.5})", "/refine", "integer"},
        {R"({"weighting": "x"})", "/weighting", "must be one of"},
        {R"({"profile_intervals": 1})", "/profile_intervals", "must be true or false"},

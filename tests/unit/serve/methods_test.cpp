@@ -249,7 +249,7 @@ TEST_F(Methods, ListsAndSetsModels) {
   EXPECT_EQ(fake.fit->model, "hertz");
   ASSERT_EQ(fake.fit->bounds.size(), 1U);
   EXPECT_EQ(fake.fit->bounds[0].lower, -60);
-  expect_pointer("model.set", {{"model", "jkr"}}, "/model");
+  expect_pointer("model.set", {{"model", "glue"}}, "/model");
   expect_pointer("model.set", {{"model", "dmt"}, {"refine", -1}}, "/refine");
   expect_pointer("model.set", {{"model", "dmt"}, {"bounds", {{"nonsense", {0, 1}}}}}, "/bounds/nonsense");
 }
