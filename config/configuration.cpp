@@ -111,6 +111,10 @@ Configuration decode_configuration(const JsonView& root, const std::filesystem::
     include_calibration(*calibration, base, configuration.description);
   if (const auto digitizer = root.find("digitizer"))
     configuration.digitizer = decode_digitizer(*digitizer, configuration.description, base);
+  if (const auto& excitation = configuration.description.excitation;
+      excitation && excitation->kind == Excitation::Kind::base &&
+      configuration.digitizer.kind == DigitizerSettings::Kind::simulated)
+    root.get("excitation").get("kind").fail("is \"base\", but the simulated drive acts at the tip");
   if (const auto pipeline = root.find("pipeline")) configuration.pipeline = decode_pipeline(*pipeline);
   if (const auto server = root.find("server")) configuration.server = decode_server(*server);
   if (const auto record = root.find("record")) configuration.record = decode_record(*record);

@@ -164,7 +164,11 @@ void read_surface(const JsonView& view, const Description& top, const std::files
   if (!own && !top.fit) view.get("model");  // is missing
   simulation.model = own ? own->string() : top.fit->model;
   try {
-    simulation.scene = decode_scene(view.get("scene"), find_model(simulation.model), base);
+    const ModelInfo& model = find_model(simulation.model);
+    if (depends_on_history(model))
+      own.value_or(view).fail(
+          fmt::format("is \"{}\": its force depends on history, which is not simulated", model.name));
+    simulation.scene = decode_scene(view.get("scene"), model, base);
   } catch (const std::invalid_argument& error) {
     own.value_or(view).fail(error.what());
   }

@@ -258,6 +258,11 @@ class Instrument::Impl {
     const std::scoped_lock lock(changing_);
     if (free.first_sample < drive_from_) return false;
     Description next = description();
+    if (next.free_response && next.free_response->lifted_nm && outputs_.event)
+      outputs_.event({.kind = "warning",
+                      .first_sample = free.first_sample,
+                      .count = 0,
+                      .text = "the lifted response was of the free response before: capture it again"});
     next.free_response = free;
     pipeline_->change(std::move(next));
     return true;
@@ -273,6 +278,7 @@ class Instrument::Impl {
       return;
     }
     next.free_response->lifted_nm = std::move(free->mean_nm);
+    next.free_response->lifted_windows = free->windows;
     free = next.free_response;
     try {
       pipeline_->change(std::move(next));

@@ -17,9 +17,10 @@
 
 namespace combforce {
 
-// The cantilever as it is just above the surface. One value a tone of the comb in each span; tones that are
-// not `driven`, and modes that none drives, change nothing. Throws std::invalid_argument when no mode is left
-// that would come to rest: the two responses are not of one drive. Reentrant.
+// The cantilever as it is just above the surface. One value a driven tone in each span; tones whose free
+// motion is below a thousandth of the greatest, and modes that none drives, change nothing. Throws
+// std::invalid_argument when no mode is left that would come to rest: the two responses are not of one drive.
+// Reentrant.
 Cantilever near_surface(const Cantilever& cantilever, std::span<const double> frequencies_hz,
                         std::span<const std::complex<double>> free_nm,
                         std::span<const std::complex<double>> lifted_nm);

@@ -62,7 +62,7 @@ void CalibrationErrors::add(const FitConditions& conditions, std::size_t mode, c
   const double share =
       (conditions.settings.refine > 0 ? step : step_of_paper) / size(conditions.cantilever.modes[mode], logs);
   FitConditions other = conditions;
-  other.settings = single_fit(conditions.settings);
+  other.settings = single_fit(conditions.settings, conditions.settings.model);
   other.cantilever.modes[mode] = moved(conditions.cantilever.modes[mode], share * logs);
   std::vector<std::complex<double>> turns;
   for (const double frequency_hz : frequencies_hz(conditions))

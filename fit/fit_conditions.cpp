@@ -99,6 +99,11 @@ void validate_comparison(const FitConditions& conditions) {
         fmt::format("settings.compare: {} models, must be <= {}", settings.compare.size(), most_compared));
   if (!conditions.noise)
     throw std::invalid_argument("settings.compare: not empty, but conditions.noise is missing");
+  if (settings.refine == 0 && settings.weighting == Weighting::none)
+    throw std::invalid_argument(
+        "settings.compare: not empty, but settings.weighting is none and settings.refine 0: chi^2 is the "
+        "least "
+        "only where noise weighs");
   std::set<std::string> models{settings.model};
   for (std::size_t i = 0; i < settings.compare.size(); ++i)
     if (!models.insert(std::string(find_model(settings.compare[i]).name)).second)
@@ -108,11 +113,30 @@ void validate_comparison(const FitConditions& conditions) {
 
 }  // namespace
 
-FitSettings single_fit(FitSettings settings) {
+FitSettings single_fit(FitSettings settings, const std::string& model) {
+  settings.model = model;
+  std::erase_if(settings.bounds, [&](const ParameterBounds& bounds) {
+    const auto parameters = find_model(model).parameters;
+    return std::ranges::find(parameters, bounds.parameter, &ParameterInfo::name) == parameters.end();
+  });
   settings.profile_intervals = false;
   settings.calibration_errors = false;
   settings.compare.clear();
   return settings;
+}
+
+Cantilever cantilever_near_surface(const FitConditions& conditions) {
+  const std::vector<double> frequencies = frequencies_hz(conditions);
+  const FreeResponse& free = *conditions.free_response;
+  std::vector<double> driven_hz;
+  std::vector<std::complex<double>> free_nm, lifted_nm;
+  for (std::size_t i = 0; i < frequencies.size(); ++i) {
+    if (!conditions.comb.tones[i].driven) continue;
+    driven_hz.push_back(frequencies[i]);
+    free_nm.push_back(free.mean_nm[i]);
+    lifted_nm.push_back((*free.lifted_nm)[i]);
+  }
+  return near_surface(conditions.cantilever, driven_hz, free_nm, lifted_nm);
 }
 
 std::vector<double> frequencies_hz(const FitConditions& conditions) {
@@ -143,10 +167,13 @@ void validate(const FitConditions& conditions) {
   if (conditions.settings.calibration_errors && conditions.cantilever.uncertainty.empty())
     throw std::invalid_argument(
         "settings.calibration_errors: true, but cantilever.uncertainty is missing: not known");
+  if (conditions.settings.calibration_errors && depends_on_history(find_model(conditions.settings.model)))
+    throw std::invalid_argument(fmt::format(
+        "settings.calibration_errors: true, must be false for model {}: its force depends on history",
+        conditions.settings.model));
   if (conditions.settings.background == Background::linear && conditions.free_response &&
       conditions.free_response->lifted_nm)
-    near_surface(conditions.cantilever, frequencies_hz(conditions), conditions.free_response->mean_nm,
-                 *conditions.free_response->lifted_nm);
+    cantilever_near_surface(conditions);
 }
 
 }  // namespace combforce

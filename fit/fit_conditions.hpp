@@ -38,12 +38,14 @@ struct FitSettings {
   // From which material parameters follow; does not change the fit.
   std::optional<TipGeometry> tip = std::nullopt;
   // FitResult::calibration_errors too: a fit more for each direction in which the calibration is uncertain.
+  // Not for models whose force depends on history: where E jumps, small steps say nothing.
   bool calibration_errors = false;
   // linear: forces are measured from the lifted response, with the cantilever as it is there
   // (background.hpp). Without a lifted response every fit says no_free_response.
   Background background = Background::none;
   // Further models that each pixel is fitted with, for FitResult::compared: names, each once, not `model`, at
-  // most `most_compared`. Bounds apply to their parameters too, by name. Needs noise.
+  // most `most_compared`. Bounds apply to their parameters too, by name. Needs noise, and that it weighs the
+  // residuals (refine, or weighting), for chi^2 to be the least that each model has.
   std::vector<std::string> compare = {};
 
   bool operator==(const FitSettings&) const = default;
@@ -64,8 +66,13 @@ struct FitConditions {
 // Throws std::invalid_argument naming field, value and bound.
 void validate(const FitConditions& conditions);
 
-// Without what a fit repeats itself for: profile intervals, calibration errors, other models.
-FitSettings single_fit(FitSettings settings);
+// Of this model, without what a fit repeats itself for: profile intervals, calibration errors, other models
+// and their bounds.
+FitSettings single_fit(FitSettings settings, const std::string& model);
+
+// Of conditions whose free response has a lifted one: the cantilever as it is there (background.hpp), by the
+// tones that the comb says are driven. Throws std::invalid_argument when the two are not of one drive.
+Cantilever cantilever_near_surface(const FitConditions& conditions);
 
 // Of the comb's tones.
 std::vector<double> frequencies_hz(const FitConditions& conditions);

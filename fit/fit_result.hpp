@@ -95,9 +95,10 @@ void report_alternative(std::span<const double> parameters, double delta_chi2, F
 
 // Akaike's information criterion corrected for few data, chi^2 + 2k + 2k(k + 1)/(n - k - 1), of n data and k
 // fitted parameters (Hurvich, Tsai 1989, Biometrika 76, 297): of two models the one with the lesser value is
-// expected to predict better, clearly so when they differ by more than about 5. The determinant of the
-// noise's covariance, which depends a little on the model in refined fits, is left out. NaN: chi^2 is not
-// known, or n <= k + 1.
+// expected to predict better, clearly so when they differ by more than about 5. With the noise known chi^2 +
+// 2k would do; the correction, made for noise that is estimated, errs on the side of fewer parameters, the
+// more the fewer the data. The determinant of the noise's covariance, which depends a little on the model in
+// refined fits, is left out. NaN: chi^2 is not known, or n <= k + 1.
 double corrected_akaike(const FitResult& result, std::size_t data);
 
 // Everything unknown, with the given status.

@@ -18,6 +18,7 @@ struct FreeResponse {
   // The same captured just above the surface, out of reach of the force to be fitted, with the same drive:
   // what FitSettings::background takes its force from. Absent: not captured.
   std::optional<std::vector<std::complex<double>>> lifted_nm = std::nullopt;
+  std::uint64_t lifted_windows = 0;  // averaged in it; 0 when not known
 
   bool operator==(const FreeResponse&) const = default;
 };

@@ -6,9 +6,9 @@
 #include <numeric>
 
 namespace combforce {
-// J_k(theta), theta < 1 and k < order: Bessel's integral by the trapezoidal rule, which leaves out terms
-// below J_22. (std::cyl_bessel_j calls lgamma, which writes a global: a race when fitters are made by several
-// threads.)
+// J_k(theta), theta < 3 and k < order: Bessel's integral by the trapezoidal rule, which leaves out J_23 and
+// higher, below 1e-17. (std::cyl_bessel_j calls lgamma, which writes a global: a race when fitters are made
+// by several threads.)
 static double bessel(std::size_t k, double theta) {
   constexpr std::size_t points = 32;
   double sum = 0.0;

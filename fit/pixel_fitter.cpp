@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "fit/background.hpp"
 #include "fit/box_least_squares.hpp"
 #include "fit/calibration_errors.hpp"
 #include "fit/fitter.hpp"
@@ -48,9 +47,13 @@ bool plausible(std::span<const std::complex<double>> tones) {
 }
 
 std::vector<std::complex<double>> motion_beside_deflection(const FitConditions& conditions) {
-  if (!conditions.free_response) return std::vector<std::complex<double>>(conditions.comb.tones.size());
-  return motion_beside_deflection(conditions.excitation, conditions.cantilever, frequencies_hz(conditions),
-                                  conditions.free_response->mean_nm);
+  const std::size_t tones = conditions.comb.tones.size();
+  if (!conditions.free_response) return std::vector<std::complex<double>>(tones);
+  auto beside_nm = motion_beside_deflection(conditions.excitation, conditions.cantilever,
+                                            frequencies_hz(conditions), conditions.free_response->mean_nm);
+  for (std::size_t i = 0; i < tones; ++i)
+    if (!conditions.comb.tones[i].driven) beside_nm[i] = 0.0;  // where the base rests there is but noise
+  return beside_nm;
 }
 
 // The conditions as a force at the tip has them: the free motion of the whole tip, and where a background is
@@ -62,8 +65,9 @@ FitConditions at_surface(const FitConditions& conditions, std::span<const std::c
   if (conditions.settings.background == Background::linear) {
     const auto& lifted_nm = conditions.free_response->lifted_nm;
     if (lifted_nm) {
-      here.cantilever = near_surface(conditions.cantilever, frequencies_hz(conditions), mean_nm, *lifted_nm);
+      here.cantilever = cantilever_near_surface(conditions);
       mean_nm = *lifted_nm;
+      here.free_response->windows = conditions.free_response->lifted_windows;
     }
   }
   for (std::size_t i = 0; i < beside_nm.size(); ++i) mean_nm[i] += beside_nm[i];
@@ -229,12 +233,7 @@ PixelFitter::PixelFitter(const FitConditions& conditions) {
     calibration_errors_ = std::make_unique<CalibrationErrors>(conditions);
   for (const std::string& model : conditions.settings.compare) {
     FitConditions other = conditions;
-    other.settings = single_fit(conditions.settings);
-    other.settings.model = model;
-    std::erase_if(other.settings.bounds, [&](const ParameterBounds& bounds) {
-      return std::ranges::find(find_model(model).parameters, bounds.parameter, &ParameterInfo::name) ==
-             find_model(model).parameters.end();
-    });
+    other.settings = single_fit(conditions.settings, model);
     compared_.emplace_back(other);
   }
 }

@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
+#include "fit/force_model.hpp"
+
 namespace combforce {
 namespace {
 
@@ -19,6 +23,24 @@ void decode_one(std::optional<T>& target, const JsonView& object, std::string_vi
 template <typename T>
 void encode_one(Json& object, const std::optional<T>& source, std::string_view prefix, std::string_view key) {
   if (source) object[fmt::format("{}{}", prefix, key)] = encode(*source);
+}
+
+// What models cannot do whose force depends on history.
+std::optional<Contradiction> find_contradiction(const FitSettings& fit) {
+  std::vector<std::string> models{fit.model};
+  models.insert(models.end(), fit.compare.begin(), fit.compare.end());
+  const auto history = std::ranges::find_if(
+      models, [](const std::string& model) { return depends_on_history(find_model(model)); });
+  if (history == models.end()) return std::nullopt;
+  if (fit.refine > 0)
+    return Contradiction{
+        "/fit/refine",
+        fmt::format("is {}, must be 0 for model \"{}\": its force depends on history", fit.refine, *history)};
+  if (fit.calibration_errors && history == models.begin())
+    return Contradiction{
+        "/fit/calibration_errors",
+        fmt::format("is true, must be false for model \"{}\": its force depends on history", *history)};
+  return std::nullopt;
 }
 
 }  // namespace
@@ -42,6 +64,8 @@ std::optional<Contradiction> find_contradiction(const Description& description) 
         "/excitation/participation",
         fmt::format("has {} elements, must have {}, one a mode of the cantilever",
                     description.excitation->participation.size(), description.cantilever->modes.size())};
+  if (description.fit)
+    if (const auto fault = find_contradiction(*description.fit)) return fault;
   if (description.fit && description.fit->calibration_errors && description.cantilever &&
       description.cantilever->uncertainty.empty())
     return Contradiction{"/fit/calibration_errors", "is true, but the cantilever's uncertainty is not known"};

@@ -56,7 +56,8 @@ std::optional<Contradiction> find_contradiction(const Description& description);
 //     excitation     {kind: tip or base, participation absent: [one a mode]} (fit/excitation.hpp)
 //     comb           {window_samples, tones: [{bin, driven true}]}
 //     free_response  {first_sample 0, windows 0, mean_nm: [[re, im], …], covariance absent: rows [[…], …],
-//                    coherent true, lifted_nm absent: [[re, im], …]}, or mean_nm alone
+//                    coherent true, lifted_nm absent: [[re, im], …], lifted_windows 0}, or mean_nm
+//                    alone
 //     scan           {lines, columns, pixel_samples, settle_samples 0, windows 1, bidirectional false,
 //                    size_nm [0, 0]}
 //     noise          {temperature_k, detector_nm_per_sqrt_hz: a number, or a list of one a tone}

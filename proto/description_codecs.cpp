@@ -89,7 +89,8 @@ FreeResponse decode_free_response(const JsonView& view, UnknownKeys unknown) {
     free_response.mean_nm = phasors(view);
     return free_response;
   }
-  check_keys(view, unknown, {"first_sample", "windows", "mean_nm", "covariance", "coherent", "lifted_nm"});
+  check_keys(view, unknown,
+             {"first_sample", "windows", "mean_nm", "covariance", "coherent", "lifted_nm", "lifted_windows"});
   free_response.first_sample = integer_or(view, "first_sample", 0);
   free_response.windows = integer_or(view, "windows", 0);
   free_response.mean_nm = phasors(view.get("mean_nm"));
@@ -98,6 +99,7 @@ FreeResponse decode_free_response(const JsonView& view, UnknownKeys unknown) {
   if (const auto coherent = view.find("coherent")) free_response.coherent = coherent->boolean();
   if (const auto lifted = view.find("lifted_nm")) {
     free_response.lifted_nm = phasors(*lifted);
+    free_response.lifted_windows = integer_or(view, "lifted_windows", 0);
     if (lifted->size() != free_response.mean_nm.size())
       lifted->fail(fmt::format("has {} elements, must have {}, as mean_nm has", lifted->size(),
                                free_response.mean_nm.size()));
@@ -171,7 +173,10 @@ Json encode(const FreeResponse& free_response) {
     object["covariance"] = std::move(rows);
   }
   if (!free_response.coherent) object["coherent"] = false;
-  if (free_response.lifted_nm) object["lifted_nm"] = encode_phasors(*free_response.lifted_nm);
+  if (free_response.lifted_nm) {
+    object["lifted_nm"] = encode_phasors(*free_response.lifted_nm);
+    object["lifted_windows"] = free_response.lifted_windows;
+  }
   return object;
 }
 

@@ -109,6 +109,8 @@ TypicalPixel pixel_of(const DesignCommand& options) {
     conditions.settings.model = options.model;
     conditions.settings.bounds.clear();
   }
+  conditions.settings = single_fit(conditions.settings, conditions.settings.model);
+  conditions.settings.background = Background::none;  // the pixel is made without one
   check_parameters(options.parameters, conditions.settings);
   conditions.settings.refine = std::max(conditions.settings.refine, refinements);
   conditions.windows = description.scan ? description.scan->windows : 1;

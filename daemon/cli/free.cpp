@@ -3,9 +3,11 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <complex>
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "daemon/cli/client.hpp"
 #include "daemon/cli/commands.hpp"
@@ -23,14 +25,20 @@ struct FreeOptions {
   bool json = false;
 };
 
+void print(const std::vector<std::complex<double>>& tones_nm, const Comb& comb, double sample_rate_hz) {
+  const double spacing_hz = sample_rate_hz / static_cast<double>(comb.window_samples);
+  for (std::size_t i = 0; i < tones_nm.size() && i < comb.tones.size(); ++i)
+    fmt::print("{:>14.3f} Hz  {:>12.6f} nm  {:>9.6f} rad\n",
+               spacing_hz * static_cast<double>(comb.tones[i].bin), std::abs(tones_nm[i]),
+               std::arg(tones_nm[i]));
+}
+
 void print(const FreeResponse& response, const Comb& comb, double sample_rate_hz) {
   fmt::print("free motion of {} windows from sample {} on\n", response.windows, response.first_sample);
-  const double spacing_hz = sample_rate_hz / static_cast<double>(comb.window_samples);
-  for (std::size_t i = 0; i < response.mean_nm.size() && i < comb.tones.size(); ++i) {
-    fmt::print("{:>14.3f} Hz  {:>12.6f} nm  {:>9.6f} rad\n",
-               spacing_hz * static_cast<double>(comb.tones[i].bin), std::abs(response.mean_nm[i]),
-               std::arg(response.mean_nm[i]));
-  }
+  print(response.mean_nm, comb, sample_rate_hz);
+  if (!response.lifted_nm) return;
+  fmt::print("lifted just above the surface, {} windows\n", response.lifted_windows);
+  print(*response.lifted_nm, comb, sample_rate_hz);
 }
 
 int run_free(const FreeOptions& options) {

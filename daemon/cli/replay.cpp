@@ -60,6 +60,7 @@ Configuration configure(const ReplayCommand& options) {
   if (!options.model.empty() && options.model != fit->model) {
     fit->model = find_model(options.model).name;
     fit->bounds.clear();
+    std::erase(fit->compare, fit->model);
   }
   if (options.refine) fit->refine = *options.refine;
   return configuration;

@@ -172,7 +172,8 @@ void add_free_capture(RpcTable& table, Instrument& instrument,
        "again. Given up when the client that asked disconnects.",
        object_schema(
            {{"windows", integer(1, 1000000, "comb windows to average; default 16")},
-            {"lifted", typed("boolean", "captured just above the surface, beside the one far away")}}),
+            {"lifted",
+             typed("boolean", "captured just above the surface, beside the one far away, after it")}}),
        any_object(), RpcDeferredHandler(std::move(capture)), std::move(cancel_for)});
   table.add({"free.cancel", "Give up the capture of the free motion that is under way, whoever asked for it.",
              nothing(), any_object(), RpcHandler([&instrument](const JsonView&, Subscriptions&) -> Json {

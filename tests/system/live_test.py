@@ -59,7 +59,7 @@ class Live(SystemTest):
         self.assertEqual(far["mean_nm"], lifted["mean_nm"])
         for (re, im), (re_far, im_far) in zip(lifted["lifted_nm"], far["mean_nm"]):  # nothing but noise between them
             self.assertAlmostEqual(0, abs(complex(re, im) - complex(re_far, im_far)) / abs(complex(re_far, im_far)), delta=0.02)
-        control.call("model.set", model="hertz", calibration_errors=True, background="linear", compare=["cone"])
+        control.call("model.set", model="hertz", weighting="noise", calibration_errors=True, background="linear", compare=["cone"])
         watcher.call("subscribe", topics=["pixel"])
         meta = control.call("record.start", name="options")["meta_path"]
         control.call("scan.start", frames=1)
@@ -76,6 +76,18 @@ class Live(SystemTest):
             self.assertGreater(fit["compared"]["cone"]["aicc"], 4)  # 2k of its two parameters at least
         self.assertEqual(live, self.replay(meta, threads=1))
         self.assertEqual(live, self.replay(meta, threads=4))
+        # The two references differ by their noise alone, in digits that messages carry.
+        plain = self.write("plain.json", json.dumps({"fit": {"model": "hertz", "weighting": "noise"}}))
+        output = self.directory / "plain.ndjson"
+        done = run(COMBFORCE, "replay", meta, "--config", plain, "--output", output)
+        self.assertEqual(0, done.returncode, done.stderr)
+        without = [json.loads(line)["params"]["fit"] for line in output.read_text().splitlines()]
+        for fit, other in zip(fits, without):
+            if fit["status"] == other["status"] == "converged":
+                self.assertNotEqual(fit["parameters"], other["parameters"])
+                self.assertNotIn("calibration_errors", other)
+        # Another model than those it was compared with; a new reference far away does without the lifted one.
+        self.assertEqual(0, run(COMBFORCE, "replay", meta, "--model", "cone", "--output", output).returncode)
 
     def test_refused_scan_changes_nothing(self):
         daemon, control, watcher = self.started()
@@ -272,7 +284,8 @@ class Live(SystemTest):
         control.call("scan.start", frames=0)
 
         def lines_on_disk():
-            return meta.exists() and len(json.loads(meta.read_text(encoding="utf-8"))["annotations"]) >= LINES
+            # Lines are marked as they begin: the last of a frame is whole when the next one is marked.
+            return meta.exists() and len(json.loads(meta.read_text(encoding="utf-8"))["annotations"]) > LINES
 
         live = pixel_lines(watcher, LINES * COLUMNS)
         wait_for(lines_on_disk, "marks of a frame in the recording")

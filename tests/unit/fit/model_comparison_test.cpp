@@ -15,6 +15,7 @@ FitResult fitted(ModelPixel pixel, const std::string& model, std::vector<std::st
                  std::vector<ParameterBounds> bounds = {}) {
   pixel.conditions.settings.model = model;
   pixel.conditions.settings.compare = std::move(compare);
+  if (pixel.conditions.noise) pixel.conditions.settings.weighting = Weighting::noise;
   pixel.conditions.settings.bounds = std::move(bounds);
   FitResult result;
   PixelFitter(pixel.conditions).fit(pixel.tip_nm, result);
@@ -72,6 +73,8 @@ TEST(ModelComparison, RefusesWhatItCannotCompare) {
   EXPECT_THROW(fitted(pixel, "hertz", {"hertz"}), std::invalid_argument);
   EXPECT_THROW(fitted(pixel, "hertz", {"dmt", "dmt"}), std::invalid_argument);
   EXPECT_THROW(fitted(pixel, "hertz", {"glue"}), std::invalid_argument);
+  pixel.conditions.settings.compare = {"dmt"};
+  EXPECT_THROW(PixelFitter{pixel.conditions}, std::invalid_argument) << "no weight by noise";
   pixel.conditions.noise.reset();
   EXPECT_THROW(fitted(pixel, "hertz", {"dmt"}), std::invalid_argument);
 }

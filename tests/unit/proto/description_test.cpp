@@ -31,7 +31,7 @@ constexpr auto complete = R"({
   "afm:comb": {"window_samples": 8000, "tones": [{"bin": 117, "driven": true}, {"bin": 674, "driven": false}]},
   "afm:free_response": {"first_sample": 16000, "windows": 2, "mean_nm": [[0.0, -25.0], [1.5, -2.5]],
     "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0.5], [0, 0, 0.5, 4]], "coherent": false,
-    "lifted_nm": [[0.5, -24.0], [1.5, -2.25]]},
+    "lifted_nm": [[0.5, -24.0], [1.5, -2.25]], "lifted_windows": 3},
   "afm:scan": {"lines": 64, "columns": 32, "pixel_samples": 16000, "settle_samples": 8000, "windows": 1,
     "bidirectional": true, "size_nm": [1000.0, 500.0]},
   "afm:noise": {"temperature_k": 300.0, "detector_nm_per_sqrt_hz": [1e-4, 2e-4]},
@@ -70,7 +70,8 @@ TEST(Description, DecodesEveryKeyOfTheContract) {
                           {{0, -25}, {1.5, -2.5}},
                           std::vector<double>{1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0.5, 0, 0, 0.5, 4},
                           false,
-                          std::vector<std::complex<double>>{{0.5, -24}, {1.5, -2.25}}}));
+                          std::vector<std::complex<double>>{{0.5, -24}, {1.5, -2.25}},
+                          3}));
   EXPECT_EQ(description.scan, (ScanLayout{64, 32, 16000, 8000, 1, true, {1000, 500}}));
   EXPECT_EQ(description.noise, (Noise{300, {1e-4, 2e-4}}));
   FitSettings fit{"dmt", 2, Weighting::noise, true, {{"adhesion_nn", 0, 20}}};
@@ -298,6 +299,10 @@ TEST(Description, RefusesObjectsThatContradictEachOther) {
       R"({"cantilever": {"modes": [{"frequency_hz": 1, "quality_factor": 1, "stiffness_n_per_m": 1}]}, )";
   expect_refused(decode, {{(one_mode + R"("fit": {"calibration_errors": true}})").c_str(),
                            "/fit/calibration_errors", "uncertainty is not known"},
+                          {R"({"fit": {"model": "jkr", "refine": 3}})", "/fit/refine", "depends on history"},
+                          {R"({"fit": {"compare": ["hertz", "jkr"], "refine": 3}})", "/fit/refine", "jkr"},
+                          {R"({"fit": {"model": "capillary", "calibration_errors": true}})",
+                           "/fit/calibration_errors", "depends on history"},
                           {(one_mode + R"("excitation": {"kind": "base", "participation": [1, 2]}})").c_str(),
                            "/excitation/participation", "has 2 elements, must have 1"}});
 }
