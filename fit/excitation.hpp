@@ -36,7 +36,8 @@ void validate(const Excitation& excitation, const Cantilever& cantilever);
 double beam_participation(unsigned mode);
 
 // The tip's motion less (chi/chi_V) V, nm, one a tone: the same with and without a force at the tip. 0 for
-// drives at the tip. `apparent_nm`: (chi/chi_V) V of the free motion. Reentrant.
+// drives at the tip. `apparent_nm`: (chi/chi_V) V of the free motion, at tones that are driven: elsewhere it
+// is noise, and means nothing as the answer to a base. Reentrant.
 std::vector<std::complex<double>> motion_beside_deflection(const Excitation& excitation,
                                                            const Cantilever& cantilever,
                                                            std::span<const double> frequencies_hz,

@@ -1,10 +1,8 @@
 // What conditions a pixel is measured under: near a surface that damps the cantilever, on a shaken base, with
-// a calibration that is uncertain, by a model that is one of several.
-#include <gmock/gmock.h>
+// a calibration that is uncertain.
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -99,7 +97,8 @@ TEST(ShakenBase, MovesTheTipBesideItsDeflection) {
     free[i] = apparent;
   }
   const FitResult biased = fitted(conditions, seen);
-  // The base moves by 0.1 nm: the surface seems that much higher or lower.
+  // The base moves by hundredths of a nanometre, 25 nm/(Q Gamma) in the first mode: the surface seems off by
+  // some of that.
   EXPECT_GT(greatest_error(biased, dmt), 0.01);
   conditions.excitation.kind = Excitation::Kind::base;
   const FitResult result = fitted(conditions, seen);
