@@ -19,6 +19,8 @@
 
 namespace combforce {
 
+inline constexpr std::uint32_t most_block_frames = 1u << 20;  // where an option sets it
+
 struct StreamInfo {
   double sample_rate_hz = 0.0;
   SampleFormat format = SampleFormat::i16;

@@ -128,6 +128,7 @@ class ModelFitter : public Fitter {
   static constexpr int most_rounds = 5;
   static constexpr double as_good =
       1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
+  static constexpr double clearly_less = 0.5;
 
   // The surface is sought no farther from the motion than the motion's span.
   void bound_to_motion() {
@@ -226,11 +227,14 @@ class ModelFitter : public Fitter {
       if (const Trench<Model::parameters> trench(best.p, best.extent); trench.is_long()) {
         const std::array starts{trench.start(1.0), trench.start(-1.0)};
         residuals_.release();
-        for (Parameters p : starts)
-          // Not where the way along the trench leads back.
-          if (solve(p, 0, 30, 1e-4) && !within_noise(p, best, 0.25) && !alike(p, other.p) &&
-              rivals(p, best, weights, whitening))
+        for (Parameters p : starts) {
+          if (!solve(p, 0, 30, 1e-4) || alike(p, other.p)) continue;
+          // Not where the way along the trench leads back: near the best one, and no better.
+          if (within_noise(p, best, 0.25) && !(coarse_error(p, weights) < clearly_less * best.error))
+            continue;
+          if (rivals(p, best, weights, whitening))
             keep_best(minimum(p, measured, weights, whitening), best, other);
+        }
       }
     }
     result = best.result;
@@ -247,13 +251,18 @@ class ModelFitter : public Fitter {
     return minimum;
   }
 
+  // E on the coarsest quadrature, whose residuals are then in finer_.
+  double coarse_error(const Parameters& p, std::span<const double> weights) {
+    balance_->prepare(contact_top_nm<Model>(p.data()), 0, has_tail);
+    residuals_.linearize(p, jacobian_, finer_);
+    return error_of_finer(weights);
+  }
+
   // Whether a minimum of the coarsest quadrature may yet turn out the least one, or explain the pixel as well
   // as the best: the margins are far above what a finer quadrature adds to E, and to chi^2.
   bool rivals(const Parameters& p, const Minimum& best, std::span<const double> weights,
               const Whitening& whitening) {
-    balance_->prepare(contact_top_nm<Model>(p.data()), 0, has_tail);
-    residuals_.linearize(p, jacobian_, finer_);
-    return error_of_finer(weights) < as_good * best.error ||
+    return coarse_error(p, weights) < as_good * best.error ||
            chi2_of_finer(whitening) < best.chi2 + std::max(10.0, 0.1 * best.chi2);
   }
 

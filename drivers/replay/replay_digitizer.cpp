@@ -20,7 +20,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::uint32_t most_block_frames = 1u << 20;
 constexpr std::size_t most_block_bytes = 1u << 24;
 constexpr double longest_pause_s = 1e8;
 

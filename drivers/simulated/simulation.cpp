@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "drivers/digitizer.hpp"
 #include "drivers/simulated/cell.hpp"
 #include "fit/force_model.hpp"
 
@@ -15,7 +16,6 @@ using Complex = std::complex<double>;
 
 namespace {
 
-constexpr std::uint64_t most_block_frames = 1u << 20;
 constexpr double most_motion_nm = 1e5;
 constexpr double most_windows = std::numeric_limits<std::uint32_t>::max();  // of a capture of free motion
 constexpr double most_detuning_ppm = 1e4;

@@ -13,8 +13,8 @@
 namespace combforce {
 namespace {
 
+using test::Subject;
 using ::testing::HasSubstr;
-using testing::Subject;
 
 constexpr std::size_t ample_slots = 256;
 
@@ -25,7 +25,7 @@ class DigitizerContract : public ::testing::TestWithParam<Subject> {
   // Runs until `frames` frames have come or the stream ends, then stops; what arrives after stop() counts
   // too. Statuses are taken all the while.
   void run(Digitizer& digitizer, std::uint64_t frames) {
-    BlockSink sink(ample_slots, testing::block_bytes(digitizer.info()), digitizer.info().when_full);
+    BlockSink sink(ample_slots, test::block_bytes(digitizer.info()), digitizer.info().when_full);
     std::atomic<bool> enough{false};
     std::thread consumer([&] {
       std::uint64_t taken = 0;
@@ -55,7 +55,7 @@ class DigitizerContract : public ::testing::TestWithParam<Subject> {
     dropped_ = sink.dropped_extraction();
   }
 
-  testing::TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   std::vector<BlockHeader> headers_;
   std::vector<StreamStatus> statuses_;
   std::uint64_t dropped_ = 0;
@@ -159,7 +159,7 @@ TEST_P(DigitizerContract, StatusOnlyGoesForward) {
 TEST_P(DigitizerContract, RunsOnce) {
   const auto digitizer = make();
   run(*digitizer, 1);
-  BlockSink second(2, testing::block_bytes(digitizer->info()), digitizer->info().when_full);
+  BlockSink second(2, test::block_bytes(digitizer->info()), digitizer->info().when_full);
   EXPECT_THROW(digitizer->start(second), std::logic_error);
   digitizer->stop();  // idempotent
   digitizer->stop();
@@ -173,7 +173,7 @@ TEST_P(DigitizerContract, StopsBeforeItsStart) {
 // These end by ctest's timeout if the digitizer does not keep its word.
 TEST_P(DigitizerContract, StopsThoughNobodyTakesBlocks) {
   const auto digitizer = make();
-  BlockSink sink(1, testing::block_bytes(digitizer->info()), digitizer->info().when_full);
+  BlockSink sink(1, test::block_bytes(digitizer->info()), digitizer->info().when_full);
   digitizer->start(sink);
   sink.wait_extraction();
   digitizer->stop();
@@ -182,7 +182,7 @@ TEST_P(DigitizerContract, StopsThoughNobodyTakesBlocks) {
 
 TEST_P(DigitizerContract, StopsAfterTheSinkWasCancelled) {
   const auto digitizer = make();
-  BlockSink sink(1, testing::block_bytes(digitizer->info()), digitizer->info().when_full);
+  BlockSink sink(1, test::block_bytes(digitizer->info()), digitizer->info().when_full);
   digitizer->start(sink);
   sink.cancel();
   digitizer->stop();
@@ -190,7 +190,7 @@ TEST_P(DigitizerContract, StopsAfterTheSinkWasCancelled) {
 }
 
 TEST_P(DigitizerContract, DestructionStops) {
-  BlockSink sink(1, testing::block_bytes(make()->info()), make()->info().when_full);
+  BlockSink sink(1, test::block_bytes(make()->info()), make()->info().when_full);
   {
     const auto digitizer = make();
     digitizer->start(sink);
@@ -228,7 +228,7 @@ TEST_P(DigitizerContract, BadSettingsAreRefusedByName) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Digitizers, DigitizerContract, ::testing::ValuesIn(testing::contract_subjects()),
+INSTANTIATE_TEST_SUITE_P(Digitizers, DigitizerContract, ::testing::ValuesIn(test::contract_subjects()),
                          [](const auto& subject) { return subject.param.name; });
 
 }  // namespace

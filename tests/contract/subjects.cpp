@@ -4,7 +4,7 @@
 #include "drivers/simulated/simulated_digitizer.hpp"
 #include "tests/support/temporary_directory.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 namespace {
 
 SimulationSettings simulation(bool paced) {
@@ -114,4 +114,4 @@ std::vector<Subject> contract_subjects() {
   return {simulated(false), simulated(true), replay(false), replay(true)};
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

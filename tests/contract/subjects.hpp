@@ -10,7 +10,7 @@
 
 #include "drivers/digitizer.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 struct Subject {
   std::string name;
@@ -36,4 +36,4 @@ inline void PrintTo(const Subject& subject, std::ostream* out) {
   *out << subject.name;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

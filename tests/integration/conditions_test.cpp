@@ -12,9 +12,9 @@
 namespace combforce {
 namespace {
 
-using testing::greatest_error;
-using testing::Phasors;
-using testing::SimulatedPixels;
+using test::greatest_error;
+using test::Phasors;
+using test::SimulatedPixels;
 
 const std::vector<double> hertz{-40.0, 1.0}, dmt{-40.0, 1.0, 5.0, 0.5};
 
@@ -29,7 +29,7 @@ FitResult fitted(const FitConditions& conditions, const Phasors& tones) {
 // frequency. Measured far away are the free motion and the cantilever.
 class SqueezeFilm : public ::testing::Test {
  protected:
-  SqueezeFilm() : far(SimulatedPixels::paper({234, 1348, 3516, 6470})), near(far) {
+  SqueezeFilm() : far(SimulatedPixels::paper(test::four_tones)), near(far) {
     near.cantilever.modes[0].quality_factor *= 0.98;
     near.cantilever.modes[0].frequency_hz *= 0.9999;
     near.cantilever.modes[0].stiffness_n_per_m *= 0.9999 * 0.9999;  // the same mass
@@ -67,7 +67,7 @@ TEST_F(SqueezeFilm, IsNotRemovedBeforeTheTipWasLifted) {
 
 // A shaker moves the tip as forces do that give the tip the same free motion; only the detector sees less.
 TEST(ShakenBase, MovesTheTipBesideItsDeflection) {
-  SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});
+  SimulatedPixels pixels = SimulatedPixels::paper(test::four_tones);
   pixels.bins.insert(pixels.bins.begin(), 5);  // measured beside the drive
   const double sensitivities[] = {20.0, -7.0, 4.0, -3.0};
   for (std::size_t m = 0; m < 4; ++m) pixels.cantilever.modes[m].sensitivity_nm_per_v = sensitivities[m];

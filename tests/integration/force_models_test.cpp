@@ -10,10 +10,9 @@
 namespace combforce {
 namespace {
 
-using testing::greatest_error;
-using testing::SimulatedPixels;
-
-const std::vector<std::uint64_t> four_tones{234, 1348, 3516, 6470};
+using test::four_tones;
+using test::greatest_error;
+using test::SimulatedPixels;
 
 struct Surface {
   std::string model;

@@ -10,9 +10,10 @@
 namespace combforce {
 namespace {
 
-using testing::greatest_error;
-using testing::Phasors;
-using testing::SimulatedPixels;
+using test::four_tones;
+using test::greatest_error;
+using test::Phasors;
+using test::SimulatedPixels;
 
 constexpr unsigned refine = 30;
 
@@ -61,8 +62,6 @@ TEST(RefinedFit, ConvergesWhereSubstitutionDiverges) {
     EXPECT_LT(greatest_error(result, truth), 1e-3) << truth[0] << ", " << truth[1];
   }
 }
-
-const std::vector<std::uint64_t> four_tones{234, 1348, 3516, 6470};
 
 TEST(RefinedFit, SaysWhenTheModelDoesNotExplainThePixel) {
   const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);

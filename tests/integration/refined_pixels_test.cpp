@@ -11,11 +11,9 @@
 namespace combforce {
 namespace {
 
-using testing::greatest_error;
-using testing::SimulatedPixels;
-
-constexpr unsigned refine = 30;
-const std::vector<std::uint64_t> four_tones{234, 1348, 3516, 6470};
+using test::four_tones;
+using test::greatest_error;
+using test::SimulatedPixels;
 
 // What the tones allow: a median error, and one that no pixel exceeds without a status that says so.
 struct Aim {
@@ -28,11 +26,11 @@ constexpr Aim tuned_recorded{3e-3, 0.03}, intermodulated_recorded{1e-3, 5e-3};
 
 void expect_truth_or_a_status(const SimulatedPixels& pixels, std::size_t count, std::uint64_t seed,
                               const Aim& aim) {
-  PixelFitter fitter(pixels.conditions("dmt", refine));
+  PixelFitter fitter(pixels.conditions("dmt", 30));
   std::mt19937_64 random(seed);
   std::vector<double> errors;
   while (errors.size() < count) {
-    const std::vector<double> truth = testing::random_dmt(random);
+    const std::vector<double> truth = test::random_dmt(random);
     const auto tones = pixels.tones("dmt", truth);
     if (!tones) continue;
     FitResult result;

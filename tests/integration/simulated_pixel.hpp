@@ -19,9 +19,11 @@
 #include "fit/drive.hpp"
 #include "fit/pixel_fitter.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 using Phasors = std::vector<std::complex<double>>;
+
+inline const std::vector<std::uint64_t> four_tones{234, 1348, 3516, 6470};  // the paper's
 
 // A cantilever under a drive, its comb and its free motion; Delta f = 500 Hz.
 struct SimulatedPixels {
@@ -179,4 +181,4 @@ inline double greatest_error(const FitResult& result, const std::vector<double>&
   return greatest;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

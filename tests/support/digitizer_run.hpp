@@ -7,7 +7,7 @@
 #include "drivers/block_sink.hpp"
 #include "drivers/digitizer.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 inline std::size_t block_bytes(const StreamInfo& info) {
   return std::size_t{info.block_frames} * info.channels.size() * sample_bytes(info.format);
@@ -50,4 +50,4 @@ inline std::vector<double> codes_of(const std::vector<SampleBlock>& blocks) {
   return codes;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <thread>
 
-namespace combforce::testing {
+namespace combforce::test {
 
 void SyntheticStream::push_into(BlockSink& sink, const std::function<std::uint32_t()>& block_frames) const {
   const std::uint64_t end = first_sample + samples;
@@ -101,4 +101,4 @@ Recorded run(const SyntheticStream& stream, const StreamInfo& info, const Descri
   return recorded;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

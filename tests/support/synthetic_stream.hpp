@@ -11,7 +11,7 @@
 #include "drivers/digitizer.hpp"
 #include "proto/pixel_message.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 // Half-open range of stream samples.
 struct Range {
@@ -52,4 +52,4 @@ Recorded run(const SyntheticStream& stream, const StreamInfo& info, const Descri
              const std::function<std::uint32_t()>& block_frames, unsigned threads = 1,
              std::vector<ScheduledChange> changes = {});
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

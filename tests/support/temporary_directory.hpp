@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace combforce::testing {
+namespace combforce::test {
 
 class TemporaryDirectory {
  public:
@@ -39,4 +39,4 @@ inline void write_file(const std::string& path, const std::string& content) {
   std::ofstream(path, std::ios::binary) << content;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-namespace combforce::testing {
+namespace combforce::test {
 
 class ThermalStream {
  public:
@@ -60,4 +60,4 @@ inline void add_white(std::vector<double>& samples, double density, double sampl
   for (double& sample : samples) sample += normal(random);
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -16,7 +16,7 @@
 namespace combforce {
 namespace {
 
-using testing::SimulatedPixels;
+using test::SimulatedPixels;
 
 TypicalPixel four_tones(std::vector<double> parameters) {
   const SimulatedPixels pixels = SimulatedPixels::paper({234, 1348, 3516, 6470});

@@ -5,8 +5,8 @@
 
 #include <filesystem>
 
-#include "input_error.hpp"
 #include "tests/support/temporary_directory.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {
@@ -66,8 +66,8 @@ const char* const calibration = R"({
   "noise": {"temperature_k": 295, "detector_nm_per_sqrt_hz": 1e-3}})";
 
 TEST(Configuration, IncludesACalibration) {
-  const testing::TemporaryDirectory directory;
-  testing::write_file(directory / "probe.json", calibration);
+  const test::TemporaryDirectory directory;
+  test::write_file(directory / "probe.json", calibration);
   const auto including = [&](const std::string& more) {
     return parse_configuration(R"({"calibration": "probe.json")" + more + "}", directory / "instrument.json");
   };
@@ -80,8 +80,8 @@ TEST(Configuration, IncludesACalibration) {
 }
 
 TEST(Configuration, SimulatesTheCantileverOfACalibration) {
-  const testing::TemporaryDirectory directory;
-  testing::write_file(directory / "probe.json", calibration);
+  const test::TemporaryDirectory directory;
+  test::write_file(directory / "probe.json", calibration);
   const std::string text = R"({"calibration": "probe.json", "digitizer": {"kind": "simulated", "simulation": {
       "sample_rate_hz": 1e6, "comb": {"window_samples": 1000, "tones": [{"bin": 50}]},
       "scan": {"lines": 1, "columns": 1, "pixel_samples": 1000}, "scene": {"kind": "flat", "materials": [{"contact_strength_gpa_sqrt_nm": 1.0}]}, "model": "hertz"}}})";
@@ -91,10 +91,10 @@ TEST(Configuration, SimulatesTheCantileverOfACalibration) {
 }
 
 TEST(Configuration, SaysWhereACalibrationIsWrong) {
-  const testing::TemporaryDirectory directory;
+  const test::TemporaryDirectory directory;
   std::string bad = calibration;
   bad.replace(bad.find("100"), 3, "-10");
-  testing::write_file(directory / "probe.json", bad);
+  test::write_file(directory / "probe.json", bad);
   const auto including = [&](const std::string& text) {
     return refusal([&] { parse_configuration(text, directory / "instrument.json"); });
   };

@@ -4,14 +4,12 @@
 #include <gtest/gtest.h>
 
 #include "config/configuration.hpp"
-#include "input_error.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {
 
 using testing::HasSubstr;
-
-const std::string file = "instrument.json";
 
 // Every key of the section, none of them at its default.
 const std::string complete = R"({"digitizer": {"kind": "simulated", "simulation": {
@@ -31,8 +29,8 @@ const std::string complete = R"({"digitizer": {"kind": "simulated", "simulation"
              {"kind": "detuned", "sample": 50, "detuning_ppm": -1.5}]
 }}})";
 
-SimulationSettings parsed(const std::string& text) {
-  return parse_configuration(text, file).digitizer.simulation;
+SimulationSettings simulation_of(const std::string& text) {
+  return parse_configuration(text, "instrument.json").digitizer.simulation;
 }
 
 // The complete section with `value` (null: removal) at `pointer` within it; `top`: further keys at the top.
@@ -49,7 +47,7 @@ std::string changed(const std::string& pointer, const char* value, const Json& t
 }
 
 TEST(SimulationCodec, ReadsEveryKey) {
-  const SimulationSettings simulation = parsed(complete);
+  const SimulationSettings simulation = simulation_of(complete);
   SimulationSettings expected;
   expected.sample_rate_hz = 1e6;
   expected.cantilever = {{{1e5, 100, 2, 1}}};
@@ -84,8 +82,8 @@ TEST(SimulationCodec, ReadsEveryKey) {
 
 // A key of the settings that is not printed, or not read, shows as a difference.
 TEST(SimulationCodec, PrintsWhatItReads) {
-  const Configuration configuration = parse_configuration(complete, file);
-  EXPECT_EQ(parse_configuration(print_configuration(configuration), file), configuration);
+  const Configuration configuration = parse_configuration(complete, "instrument.json");
+  EXPECT_EQ(parse_configuration(print_configuration(configuration), "instrument.json"), configuration);
   const Json printed = Json::parse(print_configuration(configuration))["digitizer"]["simulation"];
   const Json written = Json::parse(complete)["digitizer"]["simulation"];
   EXPECT_EQ(printed.size(), written.size());
@@ -102,21 +100,21 @@ TEST(SimulationCodec, TakesFromTheTopWhatItDoesNotSay) {
   root["noise"] = {{"temperature_k", 77}, {"detector_nm_per_sqrt_hz", 0.002}};
   for (const char* key : {"model", "temperature_k", "detector_nm_per_sqrt_hz"}) section.erase(key);
   root["digitizer"]["simulation"] = section;
-  SimulationSettings expected = parsed(complete);
+  SimulationSettings expected = simulation_of(complete);
   expected.temperature_k = 77;
   expected.detector_nm_per_sqrt_hz = 0.002;
-  EXPECT_EQ(parsed(root.dump()), expected);
+  EXPECT_EQ(simulation_of(root.dump()), expected);
 }
 
 TEST(SimulationCodec, PrefersItsOwnWords) {
   const Json top = Json::parse(R"({"cantilever": {"modes": [{"frequency_hz": 9, "quality_factor": 9,
     "stiffness_n_per_m": 9}]}, "fit": {"model": "dmt"}, "noise": {"temperature_k": 9, "detector_nm_per_sqrt_hz": 9}})");
-  EXPECT_EQ(parsed(changed("/paced", "false", top)), parsed(complete));
+  EXPECT_EQ(simulation_of(changed("/paced", "false", top)), simulation_of(complete));
 }
 
 TEST(SimulationCodec, TakesNoDetectorNoiseFromAListPerTone) {
   const Json top = Json::parse(R"({"noise": {"temperature_k": 9, "detector_nm_per_sqrt_hz": [1, 2]}})");
-  EXPECT_EQ(parsed(changed("/detector_nm_per_sqrt_hz", nullptr, top)).detector_nm_per_sqrt_hz, 0.0);
+  EXPECT_EQ(simulation_of(changed("/detector_nm_per_sqrt_hz", nullptr, top)).detector_nm_per_sqrt_hz, 0.0);
 }
 
 TEST(SimulationCodec, ReadsScenesFromMapsRelativeToTheFile) {
@@ -135,30 +133,30 @@ TEST(SimulationCodec, OrdersMaterialParametersAsTheModelDoes) {
     {"contact_distance_nm": 0.4, "adhesion_nn": 3, "contact_strength_gpa_sqrt_nm": 2}]})");
   Json root = Json::parse(text);
   root["digitizer"]["simulation"]["model"] = "dmt";
-  EXPECT_EQ(parsed(root.dump()).scene.materials, (std::vector<Material>{{{2, 3, 0.4}}}));
+  EXPECT_EQ(simulation_of(root.dump()).scene.materials, (std::vector<Material>{{{2, 3, 0.4}}}));
 }
 
-struct Refused {
+struct RefusedSimulation {
   const char* pointer;
   const char* value;
   const char* refused_at;
   const char* message;
 };
 
-void PrintTo(const Refused& bad, std::ostream* out) {
+void PrintTo(const RefusedSimulation& bad, std::ostream* out) {
   *out << bad.pointer << " = " << (bad.value != nullptr ? bad.value : "(removed)");
 }
 
-class SimulationRefused : public testing::TestWithParam<Refused> {};
+class SimulationRefused : public testing::TestWithParam<RefusedSimulation> {};
 
 TEST_P(SimulationRefused, AtItsPlace) {
-  const Refused& bad = GetParam();
-  const auto error = refusal([&] { parsed(changed(bad.pointer, bad.value)); });
+  const RefusedSimulation& bad = GetParam();
+  const auto error = refusal([&] { simulation_of(changed(bad.pointer, bad.value)); });
   EXPECT_EQ(error.pointer(), std::string("/digitizer/simulation") + bad.refused_at);
   EXPECT_THAT(error.message(), HasSubstr(bad.message));
 }
 
-constexpr Refused refused_cases[] = {
+constexpr RefusedSimulation refused_cases[] = {
     {"/sample_rate_hz", nullptr, "/sample_rate_hz", "is missing"},
     {"/sample_rate_hz", "0", "/sample_rate_hz", "must be in [1,"},
     {"/cantilever", nullptr, "/cantilever", "is missing"},
@@ -215,15 +213,16 @@ TEST(SimulationCodec, NeedsADrivenFirstToneForFeedback) {
   Json& section = root["digitizer"]["simulation"];
   section["comb"]["tones"][0]["driven"] = false;
   section["comb"]["tones"][1]["driven"] = true;
-  EXPECT_NO_THROW(parsed(root.dump()));
+  EXPECT_NO_THROW(simulation_of(root.dump()));
   section["feedback"]["enabled"] = true;
-  EXPECT_EQ(refusal([&] { parsed(root.dump()); }).pointer(), "/digitizer/simulation/comb/tones/0/driven");
+  EXPECT_EQ(refusal([&] { simulation_of(root.dump()); }).pointer(),
+            "/digitizer/simulation/comb/tones/0/driven");
 }
 
 // What was taken from the top is refused there.
 TEST(SimulationCodec, PointsToTheTopWhereItTookAValueFromThere) {
   const Json top = Json::parse(R"({"scan": {"lines": 1, "columns": 1, "pixel_samples": 999}})");
-  EXPECT_EQ(refusal([&] { parsed(changed("/scan", nullptr, top)); }).pointer(), "/scan/pixel_samples");
+  EXPECT_EQ(refusal([&] { simulation_of(changed("/scan", nullptr, top)); }).pointer(), "/scan/pixel_samples");
 }
 
 }  // namespace

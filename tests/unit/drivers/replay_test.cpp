@@ -14,11 +14,11 @@
 namespace combforce {
 namespace {
 
-using testing::codes_of;
+using test::codes_of;
+using test::run_to_end;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::run_to_end;
 
 // A recording written by hand: `data` as it stands, the metadata as text, so that nothing of the recorder or
 // the metadata encoder takes part.
@@ -27,8 +27,8 @@ class ReplayTest : public ::testing::Test {
   void write(const std::string& data, const std::string& captures = R"([{"core:sample_start": 0}])",
              const std::string& annotations = "[]", const std::string& datatype = "ri16_le", int channels = 1,
              const std::string& more = "") {
-    testing::write_file(directory_ / "r.sigmf-data", data);
-    testing::write_file(
+    test::write_file(directory_ / "r.sigmf-data", data);
+    test::write_file(
         directory_ / "r.sigmf-meta",
         fmt::format(R"({{"global": {{"core:datatype": "{}", "core:version": "1.2.5", "core:sample_rate": 1000,
                        "core:num_channels": {}{}}}, "captures": {}, "annotations": {}}})",
@@ -38,7 +38,7 @@ class ReplayTest : public ::testing::Test {
     return ReplayDigitizer(directory_ / "r", {.verify = verify, .block_frames = block_frames});
   }
 
-  testing::TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
 };
 
 // ri16_le codes first, first + 1, …

@@ -15,7 +15,7 @@
 
 #include "drivers/simulated/oscillator.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 class CvodeMotion {
  public:
@@ -128,4 +128,4 @@ inline double viscous_hertz(double p0, double p1, double p2, double d, double ve
   return std::max(0.0, p1 * (std::pow(p0 - d, 1.5) + viscous));
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

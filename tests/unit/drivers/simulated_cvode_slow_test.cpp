@@ -2,7 +2,7 @@
 #include "tests/unit/drivers/simulated_cvode.hpp"
 #include "tests/unit/drivers/simulated_paper.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 // Peak phasors of every mode at the bins over the last 2 ms of 20, [mode][bin].
 std::vector<std::vector<std::complex<double>>> cvode_tones(const PaperCase& paper,
@@ -43,4 +43,4 @@ TEST(SimulatedCvodeSlow, TonesOfEveryModeAgreeInTheFiveCases) {
   }
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

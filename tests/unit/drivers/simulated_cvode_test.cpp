@@ -3,7 +3,7 @@
 
 #include "tests/unit/drivers/simulated_paper.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 struct Comparison {
   std::string model;
@@ -63,4 +63,4 @@ TEST(SimulatedCvode, StiffStickyContactFollowsCvode) {
   EXPECT_LT(greatest_distance_pm(hard_case, IntegratorAccuracy::accurate, 1), 0.1);
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -11,7 +11,7 @@
 
 #include "tests/unit/drivers/simulated_instrument.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 constexpr std::size_t slots = 8;
 
@@ -303,4 +303,4 @@ TEST(SimulatedDigitizer, ControlsRefuseWhatDoesNotFit) {
   EXPECT_EQ(digitizer.drive(), drive);
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

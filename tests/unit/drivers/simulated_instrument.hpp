@@ -3,7 +3,7 @@
 
 #include "drivers/simulated/simulation.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 inline SimulationSettings small_instrument() {
   SimulationSettings settings;
@@ -29,4 +29,4 @@ inline ScanLayout small_layout() {
   return layout;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

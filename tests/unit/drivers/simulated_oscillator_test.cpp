@@ -6,7 +6,7 @@
 #include "fit/units.hpp"
 #include "tests/unit/drivers/simulated_paper.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 const std::vector<std::uint64_t> paper_bins{234, 1348, 3516, 6470};
@@ -198,4 +198,4 @@ TEST(Oscillator, EveryModeHasItsOwnEquipartition) {
   }
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

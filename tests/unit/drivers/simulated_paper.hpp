@@ -15,7 +15,7 @@
 #include "drivers/simulated/steady_state.hpp"
 #include "fit/drive.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 inline constexpr double pm = 1e-3;  // nm
 
@@ -87,4 +87,4 @@ inline std::vector<PaperCase> paper_cases() {
   return cases;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -8,7 +8,7 @@
 
 #include "tests/unit/drivers/simulated_instrument.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 using ::testing::HasSubstr;
 
@@ -305,4 +305,4 @@ TEST(SimulationSettings, BadValuesAreNamed) {
       "faults[1].sample: 14, must be >= 15");
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

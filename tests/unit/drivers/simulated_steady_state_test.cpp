@@ -4,7 +4,7 @@
 
 #include "tests/unit/drivers/simulated_paper.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 class PaperCases : public ::testing::Test {
  protected:
@@ -103,4 +103,4 @@ TEST(SteadyStateSettings, RefusesWhatItCannotDo) {
   EXPECT_THROW(simulate_steady_state(wrong), std::invalid_argument);
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -251,7 +251,7 @@ TYPED_TEST(History, IsFittedToThePartialMotionAlone) {
   }
 }
 
-struct Tally {
+struct HistoryTally {
   std::map<FitStatus, std::array<int, 2>> count;  // exact, or not
   int wrong = 0;                                  // converged, but off by more than two standard errors
 
@@ -279,16 +279,16 @@ struct Tally {
 };
 
 #ifdef COMBFORCE_SLOW
-constexpr int pixels = 200;
+constexpr int history_pixels = 200;
 #else
-constexpr int pixels = 2;
+constexpr int history_pixels = 2;
 #endif
 
 template <typename Model>
-Tally fit_all(const std::vector<std::uint64_t>& bins, std::uint64_t seed) {
+HistoryTally fit_all(const std::vector<std::uint64_t>& bins, std::uint64_t seed) {
   RandomPixels draw(seed);
-  Tally tally;
-  for (int i = 0; i < pixels; ++i) {
+  HistoryTally tally;
+  for (int i = 0; i < history_pixels; ++i) {
     const Pixel pixel = draw_pixel<Model>(draw, bins);
     PixelFitter fitter(conditions_of<Model>(pixel, forces_of<Model>(pixel)));
     FitResult result;
@@ -301,35 +301,35 @@ Tally fit_all(const std::vector<std::uint64_t>& bins, std::uint64_t seed) {
 }
 
 TEST(HistoryPixels, JkrAtFourTonesGivesTheTruthOrSaysSo) {
-  const Tally tally = fit_all<Jkr>(four_tones, 90201);
-  EXPECT_LE(tally.wrong, pixels / 200);  // one is known: it ends in another minimum, at a chi^2 of 67
-  EXPECT_GE(tally.all_exact(), 9 * pixels / 10);
+  const HistoryTally tally = fit_all<Jkr>(four_tones, 90201);
+  EXPECT_LE(tally.wrong, history_pixels / 200);  // one is known: it ends in another minimum, at a chi^2 of 67
+  EXPECT_GE(tally.all_exact(), 9 * history_pixels / 10);
 }
 
 TEST(HistoryPixels, JkrAtTwoTonesGivesTheTruthOrSaysSo) {
-  const Tally tally = fit_all<Jkr>(two_tones, 90202);
+  const HistoryTally tally = fit_all<Jkr>(two_tones, 90202);
   // Three parameters from four numbers: beyond jumps of E other minima may explain the pixel to a millionth
   // of the noise, and the search miss the truth.
-  EXPECT_LE(tally.wrong, pixels / 100);  // two of 200 are known
-  EXPECT_GE(tally.all_exact(), 8 * pixels / 10);
+  EXPECT_LE(tally.wrong, history_pixels / 100);  // two of 200 are known
+  EXPECT_GE(tally.all_exact(), 8 * history_pixels / 10);
 }
 
 TEST(HistoryPixels, JkrAroundOneModeGivesTheTruthOrSaysSo) {
-  const Tally tally = fit_all<Jkr>(twelve_tones, 90206);
+  const HistoryTally tally = fit_all<Jkr>(twelve_tones, 90206);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_exact(), 9 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 9 * history_pixels / 10);
 }
 
 TEST(HistoryPixels, CapillaryAroundOneModeGivesTheTruthOrSaysSo) {
-  const Tally tally = fit_all<Capillary>(twelve_tones, 90207);
+  const HistoryTally tally = fit_all<Capillary>(twelve_tones, 90207);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_exact(), 7 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 7 * history_pixels / 10);
 }
 
 TEST(HistoryPixels, CapillaryAtFourTonesGivesTheTruthOrSaysSo) {
-  const Tally tally = fit_all<Capillary>(four_tones, 90205);
+  const HistoryTally tally = fit_all<Capillary>(four_tones, 90205);
   EXPECT_EQ(tally.wrong, 0);
-  EXPECT_GE(tally.all_exact(), 7 * pixels / 10);
+  EXPECT_GE(tally.all_exact(), 7 * history_pixels / 10);
 }
 
 // Five parameters from four numbers.

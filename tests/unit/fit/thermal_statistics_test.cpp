@@ -49,9 +49,9 @@ struct Report {
 AveragedSpectrum draw_spectrum(const Case& one, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::vector<double> samples(one.samples);
-  testing::ThermalStream(one.rate_hz, one.truth.frequency_hz, one.truth.quality_factor, one.truth.variance_v2)
+  test::ThermalStream(one.rate_hz, one.truth.frequency_hz, one.truth.quality_factor, one.truth.variance_v2)
       .add(samples, random);
-  testing::add_white(samples, one.floor, one.rate_hz, random);
+  test::add_white(samples, one.floor, one.rate_hz, random);
   WelchSpectrum welch(one.segment, one.rate_hz);
   welch.push(samples);
   AveragedSpectrum spectrum{0.0, welch.bin_hz(), welch.density(), hann_statistics(welch.segments()), {}};

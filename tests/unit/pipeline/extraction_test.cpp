@@ -14,11 +14,11 @@
 namespace combforce {
 namespace {
 
-using testing::one_channel;
+using test::one_channel;
+using test::Recorded;
+using test::run;
+using test::SyntheticStream;
 using testing::Range;
-using testing::Recorded;
-using testing::run;
-using testing::SyntheticStream;
 
 constexpr std::uint64_t window = 200;
 

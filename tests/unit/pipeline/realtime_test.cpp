@@ -12,7 +12,7 @@ namespace {
 
 TEST(Extraction, DoesNotAllocate) {
   COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
-  const StreamInfo info = testing::one_channel(1e6, 512);
+  const StreamInfo info = test::one_channel(1e6, 512);
   Description description;
   description.comb = Comb{200, {{7, true}, {31, true}}};
   ScanLayout layout;

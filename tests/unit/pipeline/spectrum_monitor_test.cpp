@@ -34,7 +34,7 @@ SampleBlock block_of(std::uint64_t first_sample, std::uint32_t frames, std::uint
 
 // The first spectrum of white noise under this description.
 Spectrum spectrum_of(Description description) {
-  StreamInfo info = testing::one_channel(rate_hz, 512);
+  StreamInfo info = test::one_channel(rate_hz, 512);
   info.channels[0].scale = volts_per_code;
   description.comb = Comb{200, {{7, true}, {31, true}}};
   description.fit.emplace().model = "hertz";
@@ -126,7 +126,7 @@ TEST(SpectrumTap, AddDoesNotAllocate) {
 }
 
 TEST(SpectrumMonitor, EndsWhileItWaitsForSamples) {
-  const StreamInfo info = testing::one_channel(rate_hz, 512);
+  const StreamInfo info = test::one_channel(rate_hz, 512);
   Description description;
   description.comb = Comb{200, {{7, true}}};
   auto analysis = make_analysis(info, description);

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "input_error.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <limits>
 
-#include "input_error.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "input_error.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <random>
 
-#include "input_error.hpp"
 #include "proto/sigmf.hpp"
 #include "sigmf_example.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {

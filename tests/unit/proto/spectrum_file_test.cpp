@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "input_error.hpp"
+#include "tests/unit/proto/input_error.hpp"
 
 namespace combforce {
 namespace {

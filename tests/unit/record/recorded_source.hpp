@@ -12,7 +12,7 @@
 #include "drivers/replay/replay_digitizer.hpp"
 #include "tests/support/digitizer_run.hpp"
 
-namespace combforce::testing {
+namespace combforce::test {
 
 inline constexpr std::uint32_t source_frames = 64;
 
@@ -94,4 +94,4 @@ inline std::vector<SampleBlock> replay_and_check(const std::string& recording) {
   return blocks;
 }
 
-}  // namespace combforce::testing
+}  // namespace combforce::test

@@ -12,10 +12,10 @@
 namespace combforce {
 namespace {
 
-using testing::RecordedSource;
-using testing::replay_and_check;
-using testing::source_frames;
-using testing::source_info;
+using test::RecordedSource;
+using test::replay_and_check;
+using test::source_frames;
+using test::source_info;
 
 // Records until killed, a gap every 50 blocks, and writes to `report` how many frames are surely in the file.
 [[noreturn]] void record_for_ever(const std::string& recording, int report) {
@@ -35,7 +35,7 @@ using testing::source_info;
 class RecorderCrash : public ::testing::TestWithParam<int> {};
 
 TEST_P(RecorderCrash, LeavesARecordingThatReplays) {
-  const testing::TemporaryDirectory directory;
+  const test::TemporaryDirectory directory;
   const std::string recording = directory / "rec";
   int report[2];
   ASSERT_EQ(::pipe(report), 0);
@@ -58,7 +58,7 @@ TEST_P(RecorderCrash, LeavesARecordingThatReplays) {
 
   EXPECT_FALSE(read_sigmf_meta(recording + ".sigmf-meta").sha512);
   const auto blocks = replay_and_check(recording);
-  EXPECT_GE(testing::codes_of(blocks).size(), 2 * surely_written);
+  EXPECT_GE(test::codes_of(blocks).size(), 2 * surely_written);
   std::uint64_t lost = 0;
   for (const SampleBlock& block : blocks) {
     EXPECT_TRUE(block.header.lost_before == 0 || block.header.lost_before == 13);

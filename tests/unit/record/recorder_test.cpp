@@ -17,13 +17,13 @@
 namespace combforce {
 namespace {
 
+using test::RecordedSource;
+using test::replay_and_check;
+using test::source_frames;
+using test::source_info;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::RecordedSource;
-using testing::replay_and_check;
-using testing::source_frames;
-using testing::source_info;
 
 constexpr std::uint64_t frame_bytes = 4;
 
@@ -38,7 +38,7 @@ class RecorderTest : public ::testing::Test {
     return events_;
   }
 
-  testing::TemporaryDirectory directory_;
+  test::TemporaryDirectory directory_;
   const std::string rec_ = directory_ / "rec";
   std::mutex mutex_;
   std::vector<Event> events_;
@@ -144,7 +144,7 @@ TEST_F(RecorderTest, MarksReachTheDiskWhileRecording) {
 
 TEST_F(RecorderTest, ExistingFilesAreRefusedAndKept) {
   for (const std::string suffix : {".sigmf-data", ".sigmf-meta"}) {
-    testing::write_file(rec_ + suffix, "precious");
+    test::write_file(rec_ + suffix, "precious");
     try {
       recorder_.start(rec_, {}, Json());
       FAIL();
@@ -153,7 +153,7 @@ TEST_F(RecorderTest, ExistingFilesAreRefusedAndKept) {
     }
     EXPECT_FALSE(recorder_.running());
     EXPECT_FALSE(sink_.recording());
-    EXPECT_EQ(testing::read_file(rec_ + suffix), "precious");
+    EXPECT_EQ(test::read_file(rec_ + suffix), "precious");
     std::filesystem::remove(rec_ + suffix);
   }
   EXPECT_THROW(recorder_.start(directory_ / "absent/rec", {}, Json()), std::runtime_error);
@@ -228,7 +228,7 @@ TEST_F(RecorderTest, WriteErrorEndsTheRecordingNotTheStream) {
   EXPECT_EQ(summary.frames, 100u * source_frames);
   EXPECT_EQ(std::filesystem::file_size(rec_ + ".sigmf-data"), 100 * block);
   const auto blocks = replay_and_check(rec_);  // the hash fits what is there
-  EXPECT_EQ(testing::codes_of(blocks).size(), 2u * 100 * source_frames);
+  EXPECT_EQ(test::codes_of(blocks).size(), 2u * 100 * source_frames);
   EXPECT_TRUE(source_.push());
 }
 
@@ -259,7 +259,7 @@ TEST_F(RecorderTest, StreamThatRunsBackwardsEndsTheRecording) {
 
 // A live source that nobody waits for: what the recorder's ring drops must be in the recording as gaps.
 TEST(RecorderLive, DropsAreGaps) {
-  testing::TemporaryDirectory directory;
+  test::TemporaryDirectory directory;
   BlockSink sink(2, source_frames * frame_bytes, WhenFull::drop);
   Recorder recorder(source_info(WhenFull::drop), sink, {});
   RecordedSource source(sink);
@@ -295,8 +295,8 @@ TEST_F(RecorderTest, PassesTheSchemaAndTheChecksItMisses) {
                               "/tests/support/check_recording.py' '" +
                               rec_ + "' '" + schema + "'";
   EXPECT_EQ(std::system(command.c_str()), 0);
-  const std::string data = testing::read_file(rec_ + ".sigmf-data");
-  testing::write_file(rec_ + ".sigmf-data", data.substr(4));
+  const std::string data = test::read_file(rec_ + ".sigmf-data");
+  test::write_file(rec_ + ".sigmf-data", data.substr(4));
   EXPECT_NE(std::system((command + " 2>/dev/null").c_str()), 0);  // the checks do judge
 }
 
