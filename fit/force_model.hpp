@@ -25,11 +25,18 @@ struct ModelInfo {
 // One function of d that a fit integrates: a term phi_k of F = sum p_k phi_k, or its derivative with respect
 // to a nonlinear parameter or to the tip's velocity.
 struct ModelTerm {
-  std::size_t linear;      // k
+  std::size_t linear;      // k, or unit_coefficient
   std::size_t derivative;  // index of that parameter, or one of these
 };
+// Of a model without linear parameters: F is phi.
+inline constexpr std::size_t unit_coefficient = std::numeric_limits<std::size_t>::max();
 inline constexpr std::size_t value_of_term = std::numeric_limits<std::size_t>::max();
 inline constexpr std::size_t velocity_of_term = value_of_term - 1;
+
+// What a term is multiplied by.
+inline double coefficient(const double* p, const ModelTerm& term) {
+  return term.linear == unit_coefficient ? 1.0 : p[term.linear];
+}
 
 // Models whose force depends on the tip's velocity (nm/s), in contact alone.
 template <typename Model>
@@ -54,6 +61,12 @@ concept DependsOnHistory = requires(const double* p) {
 template <typename Model>
 concept HasRatio = requires {
   Model::ratio;
+};
+
+// Models whose force decays exponentially from 1 nN at p0, by e over the length that is parameter `decay`.
+template <typename Model>
+concept Decays = requires {
+  Model::decay;
 };
 
 // `engaged`: the tip has been in contact, and not been released since; it is where d < p0 whatever this says.

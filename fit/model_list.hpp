@@ -8,6 +8,7 @@
 #include "fit/cone.hpp"
 #include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
+#include "fit/exponential.hpp"
 #include "fit/flat_punch.hpp"
 #include "fit/force_model.hpp"
 #include "fit/hertz.hpp"
@@ -18,7 +19,8 @@
 namespace combforce {
 
 // A new model is a header, its fitter (fitters/) and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo, Jkr, Capillary>;
+using ForceModels =
+    std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo, Exponential, Jkr, Capillary>;
 
 // Calls function(Model{}) for the model that `info` describes, one of `Models`, and returns what it returns.
 template <typename Models = ForceModels, std::size_t Index = 0, typename Function>

@@ -83,6 +83,15 @@ TEST(RandomPixels, HertzAtTwoTonesGivesTheTruth) {
   EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.7 * pixels));
 }
 
+TEST(RandomPixels, ExponentialAtTwoTonesGivesTheTruth) {
+  RandomPixels draw(seeds);
+  const Tally tally = fit_all(pixels, [&] { return draw.exponential(); });
+  EXPECT_TRUE(tally.wrong.empty());
+  EXPECT_EQ(tally.count(FitStatus::not_converged), 0U);
+  // Of the draws two in three determine both parameters to 30 %.
+  EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.5 * pixels));
+}
+
 TEST(RandomPixels, KelvinVoigtAtFourTonesGivesTheTruthOrSaysSo) {
   RandomPixels draw(seeds);
   const Tally tally = fit_all(pixels, [&] { return draw.kelvin_voigt(); });
