@@ -69,6 +69,15 @@ concept Decays = requires {
   Model::decay;
 };
 
+// Models that are a polynomial in d, F = sum p_k d^(k+1): without a surface, and without terms, since a fit
+// needs no search.
+template <typename Model>
+concept IsPolynomial = requires {
+  Model::powers(0.0);
+};
+template <typename Model>
+concept NeedsSearch = !IsPolynomial<Model>;
+
 // `engaged`: the tip has been in contact, and not been released since; it is where d < p0 whatever this says.
 template <typename Model, typename T>
 T force_of(const T* p, const T& d, double velocity_nm_per_s, [[maybe_unused]] bool engaged = false) {
@@ -97,6 +106,12 @@ double contact_top_nm(const double* p) {
     return p[0];
 }
 
+// Where F or its derivatives may jump: p[0], or for a polynomial below everything.
+template <typename Model>
+double surface_nm(const double* p) {
+  return IsPolynomial<Model> ? -std::numeric_limits<double>::infinity() : p[0];
+}
+
 // All models, in a fixed order.
 std::span<const ModelInfo> force_models();
 
@@ -105,6 +120,9 @@ const ModelInfo& find_model(std::string_view name);
 
 // Whether it is one that DependsOnHistory.
 bool depends_on_history(const ModelInfo& model);
+
+// Why a model is fitted to the partial motion alone, and not simulated: "its force …"; empty for the others.
+std::string_view why_partial_fit_only(const ModelInfo& model);
 
 // Force at tip deflection d (nm) with velocity d_dot (nm/s), nN, for plots and simulation; `parameters` in
 // the model's order. Where the force depends on history: of a tip on its way in, or `engaged`, out of

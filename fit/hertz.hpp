@@ -21,6 +21,7 @@
 //   ratio             a parameter that enters by its ratio to the one linear parameter (jkr.hpp).
 //   decay             the parameter that is the length of an exponential decay (exponential.hpp).
 //   shapes            start values of the nonlinear parameters but p0; the linear ones are 1.
+// A polynomial offers its powers instead of linear and all that follows (polynomial.hpp).
 // p[0] is the surface position, or where there is none (exponential.hpp) shifts F along d as one. F or its
 // derivatives may jump there, and where contact is lost, alone; in contact F may behave as (p0 - d)^(3/2) at
 // p0, and as the root of the distance where contact is lost.

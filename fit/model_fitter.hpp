@@ -396,7 +396,7 @@ class ModelFitter : public Fitter {
   std::uint32_t iterations_ = 0;
 };
 
-template <typename Model>
+template <NeedsSearch Model>
 std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup) {
   return std::make_unique<ModelFitter<Model>>(setup);
 }

@@ -89,8 +89,8 @@ class RandomPixels {
     const std::vector<std::uint64_t> bins{234, 1348};
     const std::vector<double> stiffnesses{4.0, 78.5};
     Phasors tones = draw_tones(stiffnesses);
-    const double decay = std::exp(uniform(std::log(0.2), std::log(20.0)));
-    const double greatest_nn = std::exp(uniform(std::log(2.0), std::log(50.0)));
+    const double decay = 0.2 * std::pow(100.0, uniform(0.0, 1.0));
+    const double greatest_nn = 2.0 * std::pow(25.0, uniform(0.0, 1.0));
     const double p0 = ReferenceMotion(bins, tones).lowest_nm() + decay * std::log(greatest_nn);
     return pixel_of<Exponential>(bins, std::move(tones), {p0, decay});
   }
