@@ -165,9 +165,8 @@ void read_surface(const JsonView& view, const Description& top, const std::files
   simulation.model = own ? own->string() : top.fit->model;
   try {
     const ModelInfo& model = find_model(simulation.model);
-    if (depends_on_history(model))
-      own.value_or(view).fail(
-          fmt::format("is \"{}\": its force depends on history, which is not simulated", model.name));
+    if (const std::string_view why = why_partial_fit_only(model); !why.empty())
+      own.value_or(view).fail(fmt::format("is \"{}\": {}, which is not simulated", model.name, why));
     simulation.scene = decode_scene(view.get("scene"), model, base);
   } catch (const std::invalid_argument& error) {
     own.value_or(view).fail(error.what());

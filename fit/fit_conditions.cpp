@@ -85,10 +85,9 @@ void validate_intervals(const FitConditions& conditions) {
 void validate_refine(const FitSettings& settings) {
   if (settings.refine == 0) return;
   for (const std::string& model : models_of(settings))
-    if (depends_on_history(find_model(model)))
+    if (const std::string_view why = why_partial_fit_only(find_model(model)); !why.empty())
       throw std::invalid_argument(fmt::format(
-          "settings.refine: {}, must be 0 for model {}: its force depends on history, partial fit only",
-          settings.refine, model));
+          "settings.refine: {}, must be 0 for model {}: {}, partial fit only", settings.refine, model, why));
 }
 
 void validate_comparison(const FitConditions& conditions) {

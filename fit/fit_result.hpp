@@ -20,7 +20,9 @@ enum class FitStatus : std::uint8_t {
   // force depends on history, the search stopped where the error E jumps, more than a standard error from
   // where it was going.
   at_bound,
-  ill_conditioned,   // a relative standard error exceeds 30 %: parameters valid but weakly determined
+  // A relative standard error exceeds 30 %: parameters valid but weakly determined. Or, of a polynomial, the
+  // tones do not tell all powers: those are NaN.
+  ill_conditioned,
   no_contact,        // no force above noise: parameters NaN
   no_free_response,  // nothing to refer a force to: parameters NaN
   not_fitted,        // the pool was full: parameters NaN; refit from the recording

@@ -1,5 +1,5 @@
-// What a fit of one model does with one pixel. model_fitter.hpp is its only kind, a class template; this
-// interface keeps its instances in units of their own (fitters/).
+// What a fit of one model does with one pixel. Its kinds are class templates, model_fitter.hpp and for
+// polynomials linear_fitter.hpp; this interface keeps their instances in units of their own (fitters/).
 #pragma once
 
 #include <complex>
@@ -11,6 +11,7 @@
 #include "fit/box_least_squares.hpp"
 #include "fit/fit_result.hpp"
 #include "fit/force_balance.hpp"
+#include "fit/force_model.hpp"
 #include "fit/harmonics.hpp"
 #include "fit/measured_force.hpp"
 #include "fit/whitening.hpp"
@@ -47,7 +48,9 @@ class Fitter {
                        std::span<const double> parameters) = 0;
 };
 
-template <typename Model>
-std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup);
+template <NeedsSearch Model>
+std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup);  // model_fitter.hpp
+template <IsPolynomial Model>
+std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup);  // linear_fitter.hpp
 
 }  // namespace combforce

@@ -34,6 +34,14 @@ bool depends_on_history(const ModelInfo& model) {
   return visit_model(model, [](auto type) { return DependsOnHistory<decltype(type)>; });
 }
 
+std::string_view why_partial_fit_only(const ModelInfo& model) {
+  return visit_model(model, []<typename Model>(Model /*type*/) -> std::string_view {
+    if (DependsOnHistory<Model>) return "its force depends on history";
+    if (IsPolynomial<Model>) return "its force has neither a surface nor a known mean";
+    return {};
+  });
+}
+
 double model_force(const ModelInfo& model, std::span<const double> parameters, double d_nm,
                    double velocity_nm_per_s, bool engaged) {
   if (parameters.size() != model.parameters.size())

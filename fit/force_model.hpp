@@ -25,11 +25,18 @@ struct ModelInfo {
 // One function of d that a fit integrates: a term phi_k of F = sum p_k phi_k, or its derivative with respect
 // to a nonlinear parameter or to the tip's velocity.
 struct ModelTerm {
-  std::size_t linear;      // k
+  std::size_t linear;      // k, or unit_coefficient
   std::size_t derivative;  // index of that parameter, or one of these
 };
+// Of a model without linear parameters: F is phi.
+inline constexpr std::size_t unit_coefficient = std::numeric_limits<std::size_t>::max();
 inline constexpr std::size_t value_of_term = std::numeric_limits<std::size_t>::max();
 inline constexpr std::size_t velocity_of_term = value_of_term - 1;
+
+// What a term is multiplied by.
+inline double coefficient(const double* p, const ModelTerm& term) {
+  return term.linear == unit_coefficient ? 1.0 : p[term.linear];
+}
 
 // Models whose force depends on the tip's velocity (nm/s), in contact alone.
 template <typename Model>
@@ -55,6 +62,21 @@ template <typename Model>
 concept HasRatio = requires {
   Model::ratio;
 };
+
+// Models whose force decays exponentially from 1 nN at p0, by e over the length that is parameter `decay`.
+template <typename Model>
+concept Decays = requires {
+  Model::decay;
+};
+
+// Models that are a polynomial in d, F = sum p_k d^(k+1): without a surface, and without terms, since a fit
+// needs no search.
+template <typename Model>
+concept IsPolynomial = requires {
+  Model::powers(0.0);
+};
+template <typename Model>
+concept NeedsSearch = !IsPolynomial<Model>;
 
 // `engaged`: the tip has been in contact, and not been released since; it is where d < p0 whatever this says.
 template <typename Model, typename T>
@@ -84,6 +106,12 @@ double contact_top_nm(const double* p) {
     return p[0];
 }
 
+// Where F or its derivatives may jump: p[0], or for a polynomial below everything.
+template <typename Model>
+double surface_nm(const double* p) {
+  return IsPolynomial<Model> ? -std::numeric_limits<double>::infinity() : p[0];
+}
+
 // All models, in a fixed order.
 std::span<const ModelInfo> force_models();
 
@@ -92,6 +120,9 @@ const ModelInfo& find_model(std::string_view name);
 
 // Whether it is one that DependsOnHistory.
 bool depends_on_history(const ModelInfo& model);
+
+// Why a model is fitted to the partial motion alone, and not simulated: "its force …"; empty for the others.
+std::string_view why_partial_fit_only(const ModelInfo& model);
 
 // Force at tip deflection d (nm) with velocity d_dot (nm/s), nN, for plots and simulation; `parameters` in
 // the model's order. Where the force depends on history: of a tip on its way in, or `engaged`, out of

@@ -61,11 +61,11 @@ class ForceSpectrum {
   }
   template <typename Model>
   static double share(const double* p, std::size_t j) {
-    return term<Model>(j).derivative == value_of_term ? p[term<Model>(j).linear] : 0.0;
+    return term<Model>(j).derivative == value_of_term ? coefficient(p, term<Model>(j)) : 0.0;
   }
   template <typename Model>
   static double share_in_derivative(const double* p, std::size_t j, std::size_t k) {
-    if (term<Model>(j).derivative == k) return p[term<Model>(j).linear];
+    if (term<Model>(j).derivative == k) return coefficient(p, term<Model>(j));
     return term<Model>(j).derivative == value_of_term && term<Model>(j).linear == k ? 1.0 : 0.0;
   }
 
@@ -116,7 +116,7 @@ void ForceSpectrum::linearize(const double* p, std::size_t level, Spectrum& forc
         double moment = 0.0;
         for (std::size_t j = 0; j < sum.moments.size(); ++j)
           if (term<Model>(j).derivative == velocity_of_term)
-            moment += p[term<Model>(j).linear] * sum.moments[j][k];
+            moment += coefficient(p, term<Model>(j)) * sum.moments[j][k];
         damping_moments_[cell * low + k] = moment;
       }
   }

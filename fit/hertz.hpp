@@ -6,7 +6,8 @@
 //
 // What a model offers, here and in dmt.hpp (model_list.hpp holds the list):
 //   force()           the formula, for double and for automatic differentiation.
-//   linear            the parameters that enter linearly: F = sum over them of p_k phi_k(d; other ones).
+//   linear            the parameters that enter linearly: F = sum over them of p_k phi_k(d; other ones), or
+//                     where there are none (exponential.hpp) phi(d; p).
 //   contact(), tail() the phi_k and their derivatives at depth p0 - d >= 0, and at height d - p0 > 0;
 //                     contact_terms and tail_terms say which. Those not listed vanish on that side.
 //                     Where the force depends on the tip's velocity (kelvin_voigt.hpp), force() and contact()
@@ -18,9 +19,12 @@
 //                     are release_gradient(). Terms list a derivative by what moves p0 or the release even
 //                     where it is 0: it takes up the jump there.
 //   ratio             a parameter that enters by its ratio to the one linear parameter (jkr.hpp).
+//   decay             the parameter that is the length of an exponential decay (exponential.hpp).
 //   shapes            start values of the nonlinear parameters but p0; the linear ones are 1.
-// p[0] is always the surface position. F or its derivatives may jump there, and where contact is lost, alone;
-// in contact F may behave as (p0 - d)^(3/2) at p0, and as the root of the distance where contact is lost.
+// A polynomial offers its powers instead of linear and all that follows (polynomial.hpp).
+// p[0] is the surface position, or where there is none (exponential.hpp) shifts F along d as one. F or its
+// derivatives may jump there, and where contact is lost, alone; in contact F may behave as (p0 - d)^(3/2) at
+// p0, and as the root of the distance where contact is lost.
 #pragma once
 
 #include <array>

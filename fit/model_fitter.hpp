@@ -130,12 +130,13 @@ class ModelFitter : public Fitter {
       1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
   static constexpr double clearly_less = 0.5;
 
-  // The surface is sought no farther from the motion than the motion's span.
+  // The surface is sought no farther from the motion than the motion's span. A force that decays may be
+  // 1 nN farther away: over the span it falls by e, or all but linearly, and forces of e^-10 nN are noise.
   void bound_to_motion() {
     const double lowest = balance_->motion().lowest_nm(), highest = balance_->motion().highest_nm();
-    const double span = highest - lowest;
+    const double reach = (Decays<Model> ? 10.0 : 1.0) * (highest - lowest);
     in_force_ = bounds_;
-    in_force_[0] = {std::max(bounds_[0].lower, lowest - span), std::min(bounds_[0].upper, highest + span)};
+    in_force_[0] = {std::max(bounds_[0].lower, lowest - reach), std::min(bounds_[0].upper, highest + reach)};
     if (!(in_force_[0].lower < in_force_[0].upper)) in_force_[0] = bounds_[0];
     beyond_paper_ = in_force_;
     if constexpr (StaysAboveSurface<Model>)  // the partial motion does; the whole one is not known yet
@@ -404,7 +405,7 @@ class ModelFitter : public Fitter {
   std::uint32_t iterations_ = 0;
 };
 
-template <typename Model>
+template <NeedsSearch Model>
 std::unique_ptr<Fitter> make_fitter(const FitterSetup& setup) {
   return std::make_unique<ModelFitter<Model>>(setup);
 }

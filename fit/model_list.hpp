@@ -8,17 +8,20 @@
 #include "fit/cone.hpp"
 #include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
+#include "fit/exponential.hpp"
 #include "fit/flat_punch.hpp"
 #include "fit/force_model.hpp"
 #include "fit/hertz.hpp"
 #include "fit/jkr.hpp"
 #include "fit/kelvin_voigt.hpp"
 #include "fit/lennard_jones.hpp"
+#include "fit/polynomial.hpp"
 
 namespace combforce {
 
 // A new model is a header, its fitter (fitters/) and an entry here.
-using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo, Jkr, Capillary>;
+using ForceModels = std::tuple<Hertz, Dmt, Cone, FlatPunch, KelvinVoigt, LennardJones, Dlvo, Exponential, Jkr,
+                               Capillary, Polynomial>;
 
 // Calls function(Model{}) for the model that `info` describes, one of `Models`, and returns what it returns.
 template <typename Models = ForceModels, std::size_t Index = 0, typename Function>

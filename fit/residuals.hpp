@@ -188,6 +188,15 @@ class Residuals {
     valid_ = contact_top_nm<Model>(p.data()) <= balance_->ceiling_nm();
     if (!valid_) return p;
     balance_->template evaluate<Model>(p.data(), terms_);
+    if constexpr (unknowns > 0) fit_linear(p);
+    set_residuals(p);
+    last_ = at;
+    solution_ = p;
+    return p;
+  }
+
+  // Enters the linear parameters that fit best.
+  void fit_linear(Parameters& p) const {
     Right right = Right::Zero();
     normal_.setZero();
     for (std::size_t j = 0; j < ForceBalance::columns<Model>; ++j) {
@@ -203,10 +212,6 @@ class Residuals {
     }
     box_ = solve_box<unknowns>(normal_, right, linear_bounds<Model>(p.data(), bounds_));
     set_linear<Model>(box_, p);
-    set_residuals(p);
-    last_ = at;
-    solution_ = p;
-    return p;
   }
 
   // Whether the linear parameter is held by the bound of the one that it scales.
@@ -237,22 +242,31 @@ class Residuals {
   void set_residuals(const Parameters& p) const {
     for (std::size_t i = 0; i < forces_.size(); ++i) residuals_(index(i)) = -forces_[i];
     for (std::size_t j = 0; j < ForceBalance::columns<Model>; ++j)
-      if (term(j).derivative == value_of_term) residuals_ += p[term(j).linear] * terms_.col(index(j));
+      if (term(j).derivative == value_of_term)
+        residuals_ += coefficient(p.data(), term(j)) * terms_.col(index(j));
   }
 
   // column_ = dF/dp of one parameter.
   void derivative(const Parameters& p, std::size_t parameter) const {
     column_.setZero();
     for (std::size_t j = 0; j < ForceBalance::columns<Model>; ++j) {
-      if (term(j).derivative == parameter) column_ += p[term(j).linear] * terms_.col(index(j));
+      if (term(j).derivative == parameter) column_ += coefficient(p.data(), term(j)) * terms_.col(index(j));
       if (term(j).derivative == value_of_term && term(j).linear == parameter) column_ += terms_.col(index(j));
     }
   }
 
-  // Total derivative of the residuals with respect to a nonlinear parameter, the free linear ones following:
-  // dr = dF + B da, and (B'B) da = -(B'dF + dB'r) from B'r = 0.
+  // Total derivative of the residuals with respect to a nonlinear parameter, the free linear ones following.
   void project(const Parameters& p, std::size_t parameter, double slope, double* out) const {
     derivative(p, parameter);
+    if constexpr (unknowns > 0) let_linear_follow(p, parameter);
+    for (std::size_t i = 0; i < forces_.size(); ++i) {
+      out[2 * i] = scales_[i] * slope * column_(index(i)).real();
+      out[2 * i + 1] = scales_[i] * slope * column_(index(i)).imag();
+    }
+  }
+
+  // Makes column_ = dF one of dr = dF + B da, where (B'B) da = -(B'dF + dB'r) from B'r = 0.
+  void let_linear_follow(const Parameters& p, std::size_t parameter) const {
     Normal normal = Normal::Identity();
     Right right = Right::Zero();
     for (std::size_t j = 0; j < ForceBalance::columns<Model>; ++j) {
@@ -274,10 +288,6 @@ class Residuals {
     for (std::size_t j = 0; j < ForceBalance::columns<Model>; ++j)
       if (term(j).derivative == value_of_term)
         column_ += follow(unknown(term(j).linear)) * terms_.col(index(j));
-    for (std::size_t i = 0; i < forces_.size(); ++i) {
-      out[2 * i] = scales_[i] * slope * column_(index(i)).real();
-      out[2 * i + 1] = scales_[i] * slope * column_(index(i)).imag();
-    }
   }
 
   ForceBalance* balance_;

@@ -69,6 +69,7 @@ class StartValues {
  private:
   static constexpr std::size_t speeds = 4;     // classes of velocity, each way
   static constexpr double least_depth = 1e-3;  // surface position of a scan, of the span
+  static constexpr double least_force_nn = 1e-3, greatest_force_nn = 1e4;
   static constexpr double worth_a_look = 1e3;
   static constexpr double doubt = 1e-5;  // (3 %)^2: error of the histogram's phasors, squared, of the forces'
 
@@ -90,14 +91,29 @@ class StartValues {
   static Samples equidistant(const Motion& motion, std::size_t count);
   void add_samples(const Motion::Polynomial& c, const Samples& samples);
 
+  // Number `index` of `count` surface positions: depths from `shallowest` of the motion's span to half of it,
+  // or heights where the tip stays above the surface; where the force decays from p0 the greatest force of
+  // the motion, from `least_force_nn` to `greatest_force_nn`.
+  struct Place {
+    double shallowest;
+    std::size_t index, count;
+  };
   template <typename Model>
-  double surface(double shallowest, std::size_t index, std::size_t count) const;
+  double surface(const Place& place, const std::array<double, Model::parameters>& shape) const;
   template <typename Model>
-  Candidate<Model> candidate(const std::array<double, Model::parameters>& shape, double p0,
+  Candidate<Model> candidate(const std::array<double, Model::parameters>& shape, const Place& place,
                              std::span<const std::complex<double>> forces, std::span<const double> weights,
                              std::span<const Bounds> bounds);
   template <typename Model>
-  Candidate<Model> best_shape(double p0, std::size_t first, std::size_t last,
+  Candidate<Model> least_squares(std::array<double, Model::parameters> p,
+                                 std::span<const std::complex<double>> forces,
+                                 std::span<const double> weights, std::span<const Bounds> bounds) const;
+  // (re, im) of each force.
+  static double part(std::span<const std::complex<double>> forces, std::size_t row) {
+    return row % 2 == 0 ? forces[row / 2].real() : forces[row / 2].imag();
+  }
+  template <typename Model>
+  Candidate<Model> best_shape(const Place& place, std::size_t first, std::size_t last,
                               std::span<const std::complex<double>> forces, std::span<const double> weights,
                               std::span<const Bounds> bounds);
   template <typename Model>
@@ -118,46 +134,64 @@ class StartValues {
   Eigen::MatrixXd histogram_;
   Excursion excursion_;
   std::vector<double> velocity_, time_;  // of the bins: mean, nm/s, and what it is the mean of
-  Eigen::MatrixXd basis_;                // (re, im a tone) x parameters
+  Eigen::MatrixXd basis_;                // (re, im a tone) x linear parameters, or 1 of a unit coefficient
   std::vector<std::complex<double>> centre_;
   Samples fine_, medium_, coarse_;
 };
 
-// Number `index` of `count` surface positions: depths from `shallowest` of the motion's span to half of it,
-// or heights where the tip stays above the surface.
 template <typename Model>
-double StartValues::surface(double shallowest, std::size_t index, std::size_t count) const {
-  const double share = static_cast<double>(index) / static_cast<double>(count - 1);
+double StartValues::surface(const Place& place,
+                            [[maybe_unused]] const std::array<double, Model::parameters>& shape) const {
+  const double share = static_cast<double>(place.index) / static_cast<double>(place.count - 1);
   if constexpr (StaysAboveSurface<Model>)
     return lowest_ - 2.0 * Model::least_height_nm * std::pow(100.0, share);
+  else if constexpr (Decays<Model>)
+    return lowest_ +
+           shape[Model::decay] * std::lerp(std::log(least_force_nn), std::log(greatest_force_nn), share);
   else
-    return lowest_ + span_ * shallowest * std::pow(0.5 / shallowest, share);
+    return lowest_ + span_ * place.shallowest * std::pow(0.5 / place.shallowest, share);
+}
+
+template <typename Model>
+StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Model::parameters>& shape,
+                                                     const Place& place,
+                                                     std::span<const std::complex<double>> forces,
+                                                     std::span<const double> weights,
+                                                     std::span<const Bounds> bounds) {
+  std::array<double, Model::parameters> p = shape;
+  p[0] = surface<Model>(place, shape);
+  basis_.setZero();
+  if constexpr (DependsOnHistory<Model>) {
+    const std::size_t histogram = first_surface_above(p[0] - 1e-6 * (p[0] - lowest_));
+    for (std::size_t bin = 0; bin < bins_; ++bin) add_held_bin<Model>(p.data(), histogram, bin);
+  } else {
+    for (std::size_t bin = 0; bin < d_.size(); ++bin) add_bin<Model>(p.data(), bin);
+  }
+  if constexpr (Model::linear.empty()) {
+    double error = 0.0;
+    for (std::size_t i = 0; i < 2 * forces.size(); ++i)
+      error += weights[i / 2] * std::pow(part(forces, i) - basis_(static_cast<Eigen::Index>(i), 0), 2);
+    return {p, error};
+  } else {
+    return least_squares<Model>(p, forces, weights, bounds);
+  }
 }
 
 // With f the measured forces and B the model's phasors a unit of each linear parameter, minimises |W(B a -
 // f)|^2.
 template <typename Model>
-StartValues::Candidate<Model> StartValues::candidate(const std::array<double, Model::parameters>& shape,
-                                                     double p0, std::span<const std::complex<double>> forces,
-                                                     std::span<const double> weights,
-                                                     std::span<const Bounds> bounds) {
+StartValues::Candidate<Model> StartValues::least_squares(std::array<double, Model::parameters> p,
+                                                         std::span<const std::complex<double>> forces,
+                                                         std::span<const double> weights,
+                                                         std::span<const Bounds> bounds) const {
   constexpr std::size_t unknowns = Model::linear.size();
-  std::array<double, Model::parameters> p = shape;
-  p[0] = p0;
-  basis_.setZero();
-  if constexpr (DependsOnHistory<Model>) {
-    const std::size_t histogram = first_surface_above(p0 - 1e-6 * (p0 - lowest_));
-    for (std::size_t bin = 0; bin < bins_; ++bin) add_held_bin<Model>(p.data(), histogram, bin);
-  } else {
-    for (std::size_t bin = 0; bin < d_.size(); ++bin) add_bin<Model>(p.data(), bin);
-  }
   Eigen::Matrix<double, unknowns, unknowns> normal;
   Eigen::Matrix<double, unknowns, 1> right;
   normal.setZero();
   right.setZero();
   double constant = 0.0;
   for (std::size_t i = 0; i < 2 * forces.size(); ++i) {
-    const double weight = weights[i / 2], force = i % 2 == 0 ? forces[i / 2].real() : forces[i / 2].imag();
+    const double weight = weights[i / 2], force = part(forces, i);
     const auto b = basis_.row(static_cast<Eigen::Index>(i)).template head<unknowns>();
     constant += weight * force * force;
     right += weight * force * b.transpose();
@@ -211,8 +245,7 @@ std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std:
   std::array<Candidate<Model>, depths> profile;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < depths; i += stride) {
-    profile[i] =
-        best_shape<Model>(surface<Model>(least_depth, i, depths), 0, shapes, forces, weights, bounds);
+    profile[i] = best_shape<Model>({least_depth, i, depths}, 0, shapes, forces, weights, bounds);
     least = std::min(least, profile[i].error);
   }
   for (std::size_t i = 0; i + stride < depths; i += stride) {
@@ -223,8 +256,7 @@ std::size_t StartValues::scan(std::span<const std::complex<double>> forces, std:
     const std::size_t first = rough ? 0 : std::max<std::size_t>(std::min(left.shape, right.shape), 1) - 1;
     const std::size_t last = rough ? shapes : std::min(std::max(left.shape, right.shape) + 2, shapes);
     for (std::size_t j = i + 1; j < i + stride; ++j)
-      profile[j] =
-          best_shape<Model>(surface<Model>(least_depth, j, depths), first, last, forces, weights, bounds);
+      profile[j] = best_shape<Model>({least_depth, j, depths}, first, last, forces, weights, bounds);
   }
   std::array<Candidate<Model>, most<Model>> best;
   for (std::size_t i = 0; i < depths; ++i) {
@@ -250,21 +282,20 @@ void StartValues::dispersed(std::span<const std::complex<double>> forces, std::s
                             std::span<std::array<double, Model::parameters>, dispersed_depths> starts) {
   const auto& middle = Model::shapes[Model::shapes.size() / 2];
   for (std::size_t i = 0; i < dispersed_depths; ++i) {
-    starts[i] =
-        candidate<Model>(middle, surface<Model>(5e-3, i, dispersed_depths), forces, weights, bounds).p;
+    starts[i] = candidate<Model>(middle, {5e-3, i, dispersed_depths}, forces, weights, bounds).p;
   }
 }
 
 // The best of the model's shapes first … last - 1, then of the parabola through it and its neighbours (in the
 // logarithm of the shape).
 template <typename Model>
-StartValues::Candidate<Model> StartValues::best_shape(double p0, std::size_t first, std::size_t last,
+StartValues::Candidate<Model> StartValues::best_shape(const Place& place, std::size_t first, std::size_t last,
                                                       std::span<const std::complex<double>> forces,
                                                       std::span<const double> weights,
                                                       std::span<const Bounds> bounds) {
   std::array<Candidate<Model>, Model::shapes.size()> row;
   for (std::size_t r = first; r < last; ++r) {
-    row[r] = candidate<Model>(Model::shapes[r], p0, forces, weights, bounds);
+    row[r] = candidate<Model>(Model::shapes[r], place, forces, weights, bounds);
     row[r].shape = r;
   }
   const auto least = static_cast<std::size_t>(
@@ -279,7 +310,7 @@ StartValues::Candidate<Model> StartValues::best_shape(double p0, std::size_t fir
   const auto& towards = Model::shapes[offset > 0.0 ? least + 1 : least - 1];
   for (std::size_t k = 1; k < shape.size(); ++k)
     shape[k] *= std::pow(towards[k] / shape[k], std::abs(offset));
-  Candidate<Model> between = candidate<Model>(shape, p0, forces, weights, bounds);
+  Candidate<Model> between = candidate<Model>(shape, place, forces, weights, bounds);
   between.shape = least;
   return between.error < row[least].error ? between : row[least];
 }

@@ -25,21 +25,18 @@ void encode_one(Json& object, const std::optional<T>& source, std::string_view p
   if (source) object[fmt::format("{}{}", prefix, key)] = encode(*source);
 }
 
-// What models cannot do whose force depends on history.
+// What some models cannot do.
 std::optional<Contradiction> find_contradiction(const FitSettings& fit) {
   std::vector<std::string> models{fit.model};
   models.insert(models.end(), fit.compare.begin(), fit.compare.end());
-  const auto history = std::ranges::find_if(
-      models, [](const std::string& model) { return depends_on_history(find_model(model)); });
-  if (history == models.end()) return std::nullopt;
-  if (fit.refine > 0)
-    return Contradiction{
-        "/fit/refine",
-        fmt::format("is {}, must be 0 for model \"{}\": its force depends on history", fit.refine, *history)};
-  if (fit.calibration_errors && history == models.begin())
+  for (const std::string& model : models)
+    if (const std::string_view why = why_partial_fit_only(find_model(model)); fit.refine > 0 && !why.empty())
+      return Contradiction{"/fit/refine",
+                           fmt::format("is {}, must be 0 for model \"{}\": {}", fit.refine, model, why)};
+  if (fit.calibration_errors && depends_on_history(find_model(fit.model)))
     return Contradiction{
         "/fit/calibration_errors",
-        fmt::format("is true, must be false for model \"{}\": its force depends on history", *history)};
+        fmt::format("is true, must be false for model \"{}\": its force depends on history", fit.model)};
   return std::nullopt;
 }
 

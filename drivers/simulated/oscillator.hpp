@@ -45,7 +45,8 @@ class Oscillator {
   // std::invalid_argument naming field, value and bound.
   explicit Oscillator(const OscillatorSettings& settings);
 
-  // From the next sample on. `parameters` in the model's order; the first is the surface position.
+  // From the next sample on. `parameters` in the model's order; the first is the surface position where there
+  // is one.
   void engage(const ModelInfo& model, std::span<const double> parameters);
   void withdraw();
   // The next sample on has this drive; deflection and velocity of every mode are continuous.

@@ -189,6 +189,7 @@ void Oscillator::evaluate_short(const Taylor& taylor, double seconds, Tip& tip, 
 template <typename Model>
 void Oscillator::cross_kink(double seconds) {
   constexpr int greatest_pieces = 6;  // grazing tips may cross more than once
+  const double kink = surface_nm<Model>(parameters_.data());
   double left = seconds;
   for (int piece = 1; piece <= greatest_pieces; ++piece) {
     Taylor taylor{};
@@ -199,11 +200,11 @@ void Oscillator::cross_kink(double seconds) {
     }
     Tip tip, force;
     evaluate_short<Model>(taylor, left, tip, force);
-    if (piece == greatest_pieces || one_sided(tip, parameters_[0])) {
+    if (piece == greatest_pieces || one_sided(tip, kink)) {
       apply_short(left, force);
       return;
     }
-    const double part = left * first_crossing(tip, parameters_[0]);
+    const double part = left * first_crossing(tip, kink);
     evaluate_short<Model>(taylor, part, tip, force);
     apply_short(part, force);
     left -= part;
@@ -219,6 +220,7 @@ template <typename Model>
 void Oscillator::cross_sample() {
   const auto finest = static_cast<std::uint32_t>(ladder_.size() - 1);
   const std::uint64_t end = std::uint64_t{cells_a_sample_} << finest;  // in shortest cells
+  const double kink = surface_nm<Model>(parameters_.data());
   std::uint64_t position = 0;
   Tip tip, force;
   tip[0] = tip_nm();
@@ -226,8 +228,8 @@ void Oscillator::cross_sample() {
   while (position < end) {
     const CellTable& cell = ladder_[level_];
     evaluate<Model>(cell, tip, force);
-    const bool smooth = one_sided(tip, parameters_[0]);
-    const double nearest = std::ranges::min(tip) - parameters_[0];
+    const bool smooth = one_sided(tip, kink);
+    const double nearest = std::ranges::min(tip) - kink;
     const double coefficient = highest_coefficient(force);
     const bool clear = smooth && (nearest <= 0.0 || nearest > guard_nm_[level_]);
     if (level_ < finest && (!clear || coefficient > tolerances_.force_nn)) {

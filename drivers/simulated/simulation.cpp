@@ -75,8 +75,8 @@ void validate(const SimulationSettings& settings) {
   for (const Complex& tone : exact_free_response(settings)) greatest_nm += std::abs(tone);
   require(greatest_nm <= most_motion_nm, "drive", fmt::format("{} nm of free motion", greatest_nm),
           fmt::format("<= {} nm", most_motion_nm));
-  require(!depends_on_history(find_model(settings.model)), "model", settings.model,
-          "one whose force does not depend on history: the others are fitted, not simulated");
+  const std::string_view why = why_partial_fit_only(find_model(settings.model));
+  require(why.empty(), "model", settings.model, fmt::format("another one: {}, which is not simulated", why));
   const FeedbackSettings& feedback = settings.feedback;
   if (feedback.enabled) {
     require(settings.comb.tones[0].driven, "comb.tones[0].driven", false,

@@ -48,7 +48,24 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(Surface{"cone", {-40.0, 0.3}}, Surface{"cone", {-35.0, 2.0}},
                       Surface{"flat_punch", {-40.0, 2.0}}, Surface{"flat_punch", {-43.0, 10.0}},
                       Surface{"kelvin_voigt", {-40.0, 1.0, 0.02}}, Surface{"kelvin_voigt", {-38.0, 2.0, 0.1}},
-                      Surface{"kelvin_voigt", {-42.0, 0.5, 0.5}}, Surface{"dlvo", {-42.0, 2.0, 3.0, 1.0}}));
+                      Surface{"kelvin_voigt", {-42.0, 0.5, 0.5}}, Surface{"dlvo", {-42.0, 2.0, 3.0, 1.0}},
+                      Surface{"exponential", {-44.0, 1.5}}, Surface{"exponential", {-42.0, 2.0}},
+                      Surface{"exponential", {-38.0, 6.0}}));
+
+// A force of powers alone, in the first mode. It bends the cantilever by 0.004 nm on average, about which the
+// quadratic power is 1e-3 greater.
+TEST(Polynomial, ComesBackFromTheTonesOfASimulatedOscillator) {
+  SimulatedPixels pixels = SimulatedPixels::intermodulation();
+  pixels.bins.insert(pixels.bins.end(), {1, 2, 467, 468, 469, 470});
+  const std::vector<double> truth{0.05, 1e-4, 1e-5, 2e-7, 2e-9};
+  const auto tones = pixels.tones("polynomial", truth);
+  ASSERT_TRUE(tones);
+  PixelFitter fitter(pixels.conditions("polynomial", 0));
+  FitResult result;
+  fitter.fit(*tones, result);
+  EXPECT_TRUE(result.status == FitStatus::converged || result.status == FitStatus::ill_conditioned);
+  for (std::size_t k = 0; k < truth.size(); ++k) EXPECT_NEAR(result.parameters[k] / truth[k], 1.0, 3e-3) << k;
+}
 
 // Mean of -F velocity over a settled window, fW, from the simulator's own motion: nothing of the fit's.
 double dissipated_fw(const SimulatedPixels& pixels, const Surface& surface) {
@@ -87,8 +104,9 @@ double drive_power_fw(const SimulatedPixels& pixels) {
 
 TEST(DissipatedPower, IsZeroForConservativeForces) {
   const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
-  for (const Surface& surface : {Surface{"hertz", {-40.0, 1.0}}, Surface{"dmt", {-40.0, 1.0, 5.0, 0.5}},
-                                 Surface{"cone", {-40.0, 0.3}}, Surface{"flat_punch", {-40.0, 2.0}}}) {
+  for (const Surface& surface :
+       {Surface{"hertz", {-40.0, 1.0}}, Surface{"dmt", {-40.0, 1.0, 5.0, 0.5}}, Surface{"cone", {-40.0, 0.3}},
+        Surface{"flat_punch", {-40.0, 2.0}}, Surface{"exponential", {-42.0, 2.0}}}) {
     const FitResult result = fit(pixels, surface);
     EXPECT_LT(std::abs(result.dissipated_fw), 1e-6 * drive_power_fw(pixels)) << surface.model;
   }

@@ -65,9 +65,12 @@ TEST(MapWriter, WritesGsfInSiUnits) {
       (std::filesystem::temp_directory_path() / ("combforce-maps-" + std::to_string(::getpid())) / "deep")
           .string();
   MapWriter maps(directory);
-  maps.add(pixel_at(
-      0, 0,
-      {{"z_nm", 3.0}, {"adhesion_nn", 5.0}, {"contact_strength_gpa_sqrt_nm", 1.5}, {"marker_v", 0.25}}));
+  maps.add(pixel_at(0, 0,
+                    {{"z_nm", 3.0},
+                     {"adhesion_nn", 5.0},
+                     {"contact_strength_gpa_sqrt_nm", 1.5},
+                     {"cubic_nn_per_nm3", 0.002},
+                     {"marker_v", 0.25}}));
   maps.add(pixel_at(0, 1, {{"z_nm", 4.0}}, Direction::retrace));
   maps.write();
   const auto read = [&](const std::string& name) { return read_gsf(directory + "/" + name + ".gsf"); };
@@ -83,6 +86,8 @@ TEST(MapWriter, WritesGsfInSiUnits) {
   EXPECT_FLOAT_EQ(read("trace_adhesion_nn").values[0], 5e-9F);
   EXPECT_EQ(read("trace_contact_strength_gpa_sqrt_nm").value_unit, "");
   EXPECT_FLOAT_EQ(read("trace_contact_strength_gpa_sqrt_nm").values[0], 1.5F);
+  EXPECT_EQ(read("trace_cubic_nn_per_nm3").value_unit, "N/m^3");
+  EXPECT_FLOAT_EQ(read("trace_cubic_nn_per_nm3").values[0], 2e15F);
   EXPECT_EQ(read("trace_marker_v").value_unit, "V");
   EXPECT_FLOAT_EQ(read("retrace_z_nm").values[1], 4e-9F);
   std::filesystem::remove_all(std::filesystem::path(directory).parent_path());

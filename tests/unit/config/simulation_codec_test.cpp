@@ -166,6 +166,7 @@ constexpr RefusedSimulation refused_cases[] = {
     {"/model", nullptr, "/model", "is missing"},
     {"/model", "\"glue\"", "/model", "glue"},
     {"/model", "\"jkr\"", "/model", "depends on history"},
+    {"/model", "\"polynomial\"", "/model", "neither a surface"},
     {"/speed", "1", "/speed", "unknown key"},
     {"/comb/tones/0/bin", "500", "/comb/tones/0/bin", "< window_samples/2 = 500"},
     {"/comb/tones/0/driven", "false", "/comb/tones", "no driven tone"},

@@ -280,6 +280,7 @@ TEST(SimulationSettings, BadValuesAreNamed) {
   refused([](auto& s) { s.comb.tones[0].bin = 1000; }, "bin");
   refused([](auto& s) { s.comb.tones[0].driven = false; }, "comb.tones[0].driven");
   refused([](auto& s) { s.model = "jkr"; }, "jkr");
+  refused([](auto& s) { s.model = "polynomial"; }, "polynomial");
   refused([](auto& s) { s.feedback.set_point = 1.0; }, "feedback.set_point: 1");
   refused([](auto& s) { s.feedback.gain = 0.0; }, "feedback.gain: 0");
   refused([](auto& s) { s.temperature_k = -1.0; }, "temperature_k: -1");

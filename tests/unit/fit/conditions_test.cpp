@@ -46,6 +46,11 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{[](auto& c) { c.noise->temperature_k = -2.0; }, "noise.temperature_k: -2"},
         Mistake{[](auto& c) { c.settings.model = "dmpt"; }, "dmpt"},
         Mistake{[](auto& c) {
+                  c.settings.model = "polynomial";
+                  c.settings.refine = 1;
+                },
+                "settings.refine: 1, must be 0 for model polynomial"},
+        Mistake{[](auto& c) {
                   c.settings.bounds = {{"adhesion", 1.0, 2.0}};
                 },
                 R"(settings.bounds[0].parameter: "adhesion", not of model dmt)"},

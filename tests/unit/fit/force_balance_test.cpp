@@ -64,6 +64,14 @@ TEST(ForceBalance, KelvinVoigtPhasorsApproachTheReferenceAsTheEstimateSays) {
   }
 }
 
+TEST(ForceBalance, ExponentialPhasorsApproachTheReferenceAsTheEstimateSays) {
+  test::RandomPixels draw(15);
+  for (int i = 0; i < 8; ++i) {
+    SCOPED_TRACE(i);
+    levels_approach_the_reference<Exponential>(draw.exponential());
+  }
+}
+
 TEST(ForceBalance, DmtPhasorsApproachTheReferenceAsTheEstimateSays) {
   test::RandomPixels draw(12);
   for (int i = 0; i < 8; ++i) {

@@ -1,5 +1,6 @@
-// Every model of the list: the terms that fits integrate against the formula, its automatic derivative and
-// finite differences; the formulas against the paper's; look-up by name.
+// Every model of the list but polynomials (polynomial_test.cpp): the terms that fits integrate against the
+// formula, its automatic derivative and finite differences; the formulas against the paper's; look-up by
+// name.
 #include "fit/force_model.hpp"
 
 #include <ceres/jet.h>
@@ -8,6 +9,7 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <stdexcept>
 #include <type_traits>
@@ -22,6 +24,8 @@ struct TypesOf;
 template <typename... Models>
 struct TypesOf<std::tuple<Models...>> {
   using Types = testing::Types<Models...>;
+  using Searched = decltype(std::tuple_cat(
+      std::conditional_t<NeedsSearch<Models>, std::tuple<Models>, std::tuple<>>{}...));
 };
 
 template <typename Model>
@@ -48,12 +52,14 @@ class EveryModel : public testing::Test {
       return std::min(distance, 0.5 * Model::release_height_nm(p.data()));
     else if constexpr (std::is_same_v<Model, Dlvo>)
       return std::min(distance, 20.0 * p[2]);
+    else if constexpr (Decays<Model>)
+      return std::min(distance, 20.0 * p[Model::decay]);
     else
       return distance;
   }
   // On which forces change, of the distance.
   static constexpr double smooth_share = StaysAboveSurface<Model> || DependsOnHistory<Model> ? 0.1
-                                         : std::is_same_v<Model, Dlvo>                       ? 0.03
+                                         : std::is_same_v<Model, Dlvo> || Decays<Model>      ? 0.03
                                                                                              : 1.0;
   // Below and above what the paper's cantilever reaches, 4e7 nm/s; either direction.
   double velocity_nm_per_s() { return exponential(1e5, 1e8) * (uniform(0.0, 1.0) < 0.5 ? -1.0 : 1.0); }
@@ -81,16 +87,17 @@ class EveryModel : public testing::Test {
     for (std::size_t j = 0; j < Terms; ++j) {
       const auto [linear, derivative] = terms[j];
       if (derivative == value_of_term) {
-        result[0] += p[linear] * values[j];
-        result[1 + linear] += values[j];
+        result[0] += coefficient(p.data(), terms[j]) * values[j];
+        if (linear != unit_coefficient) result[1 + linear] += values[j];
       } else {
-        result[derivative == velocity_of_term ? 1 + count : 1 + derivative] += p[linear] * values[j];
+        result[derivative == velocity_of_term ? 1 + count : 1 + derivative] +=
+            coefficient(p.data(), terms[j]) * values[j];
       }
     }
     return result;
   }
 };
-TYPED_TEST_SUITE(EveryModel, TypesOf<ForceModels>::Types);
+TYPED_TEST_SUITE(EveryModel, TypesOf<TypesOf<ForceModels>::Searched>::Types);
 
 TYPED_TEST(EveryModel, TermsAddUpToTheForceAndItsAutomaticDerivatives) {
   using Jet = ceres::Jet<double, static_cast<int>(TypeParam::parameters)>;
@@ -233,6 +240,14 @@ TEST(Dlvo, IsTheRepulsionLessTheAttraction) {
   EXPECT_DOUBLE_EQ(Dlvo::force(p.data(), -41.5), 2.0 * std::exp(1.0) - 3.0);
 }
 
+TEST(Exponential, IsOneNanonewtonAtItsPositionAndFallsByEOverItsDecayLength) {
+  const std::array<double, 2> p{-40.0, 2.5};
+  EXPECT_DOUBLE_EQ(Exponential::force(p.data(), -40.0), 1.0);
+  EXPECT_DOUBLE_EQ(Exponential::force(p.data(), -37.5), 1.0 / std::numbers::e);
+  EXPECT_DOUBLE_EQ(Exponential::force(p.data(), -45.0), std::numbers::e * std::numbers::e);
+  EXPECT_DOUBLE_EQ(Exponential::force(p.data(), -500.0), std::exp(30.0));
+}
+
 TEST(KelvinVoigt, IsHertzAtRestStifferGoingInAndLetsGoGoingOut) {
   const std::array<double, 3> p{-40.0, 2.0, 0.1};
   EXPECT_DOUBLE_EQ(KelvinVoigt::force(p.data(), -44.0, 0.0), 2.0 * 8.0);
@@ -251,7 +266,9 @@ TEST(ForceModels, AreFoundByNameAndDescribeThemselves) {
     EXPECT_FALSE(info.formula.empty());
     EXPECT_FALSE(info.source.empty());
     ASSERT_FALSE(info.parameters.empty());
-    EXPECT_EQ(info.parameters[0].name, "surface_position_nm");
+    if (info.name != Polynomial::model.name) {
+      EXPECT_EQ(info.parameters[0].name, "surface_position_nm");
+    }
     for (const ParameterInfo& parameter : info.parameters) {
       EXPECT_LT(parameter.lower, parameter.upper) << parameter.name;
       EXPECT_GT(parameter.scale, 0.0) << parameter.name;

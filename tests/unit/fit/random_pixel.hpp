@@ -13,6 +13,7 @@
 
 #include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
+#include "fit/exponential.hpp"
 #include "fit/hertz.hpp"
 #include "fit/kelvin_voigt.hpp"
 #include "fit/lennard_jones.hpp"
@@ -81,6 +82,17 @@ class RandomPixels {
       const double debye = uniform(1.0, 5.0);
       return std::vector{lowest_nm + uniform(0.2, 1.0) * debye, uniform(1.0, 5.0), debye, uniform(0.5, 3.0)};
     });
+  }
+
+  // Hydration to double layers in dilute electrolytes; the greatest force is that of contact.
+  ModelPixel exponential() {
+    const std::vector<std::uint64_t> bins{234, 1348};
+    const std::vector<double> stiffnesses{4.0, 78.5};
+    Phasors tones = draw_tones(stiffnesses);
+    const double decay = 0.2 * std::pow(100.0, uniform(0.0, 1.0));
+    const double greatest_nn = 2.0 * std::pow(25.0, uniform(0.0, 1.0));
+    const double p0 = ReferenceMotion(bins, tones).lowest_nm() + decay * std::log(greatest_nn);
+    return pixel_of<Exponential>(bins, std::move(tones), {p0, decay});
   }
 
   // Turning points between the deepest attraction and some ten nanonewtons of repulsion.

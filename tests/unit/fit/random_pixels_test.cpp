@@ -83,6 +83,17 @@ TEST(RandomPixels, HertzAtTwoTonesGivesTheTruth) {
   EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.7 * pixels));
 }
 
+// Two nearly equal amplitudes hardly tell a decay length: with standard errors a hundred times as long the
+// search may end in the trench.
+TEST(RandomPixels, ExponentialAtTwoTonesGivesTheTruthOrSaysSo) {
+  RandomPixels draw(seeds);
+  const Tally tally = fit_all(pixels, [&] { return draw.exponential(); });
+  EXPECT_TRUE(tally.wrong.empty());
+  EXPECT_LE(tally.count(FitStatus::not_converged), static_cast<std::size_t>(0.01 * pixels));
+  // Of the draws two in three determine both parameters to 30 %.
+  EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.5 * pixels));
+}
+
 TEST(RandomPixels, KelvinVoigtAtFourTonesGivesTheTruthOrSaysSo) {
   RandomPixels draw(seeds);
   const Tally tally = fit_all(pixels, [&] { return draw.kelvin_voigt(); });

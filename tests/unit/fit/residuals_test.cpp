@@ -121,6 +121,16 @@ TEST(Residuals, KelvinVoigtJacobianIsFiniteDifferences) {
   }
 }
 
+TEST(Residuals, ExponentialJacobianIsFiniteDifferences) {
+  test::RandomPixels draw(27);
+  for (int i = 0; i < 10; ++i) {
+    SCOPED_TRACE(i);
+    const test::ModelPixel pixel = draw.exponential();
+    ResidualsOf<Exponential> residuals(pixel, bounds_about<Exponential>(pixel));
+    expect_jacobian_is_finite_differences(residuals, pixel);
+  }
+}
+
 // Adhesion held at its upper bound no longer follows the nonlinear parameters.
 TEST(Residuals, DmtJacobianIsFiniteDifferencesWithALinearParameterHeld) {
   test::RandomPixels draw(23);
@@ -178,6 +188,7 @@ TEST(Residuals, LinearizationIsTheReferences) {
     SCOPED_TRACE(i);
     expect_linearization_is_the_references<Hertz>(draw.hertz());
     expect_linearization_is_the_references<Dmt>(draw.dmt());
+    expect_linearization_is_the_references<Exponential>(draw.exponential());
   }
 }
 

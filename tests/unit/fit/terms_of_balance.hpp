@@ -24,10 +24,12 @@ Eigen::MatrixXd terms_of_balance(const ForceBalance& balance, const std::vector<
         const auto [linear, derivative] = list[j];
         if (derivative == velocity_of_term) continue;
         if (derivative == value_of_term) {
-          sum.block<2, 1>(2 * i, 0) += p[linear] * parts;
-          sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(linear)) += parts;
+          sum.block<2, 1>(2 * i, 0) += coefficient(p.data(), list[j]) * parts;
+          if (linear != unit_coefficient)
+            sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(linear)) += parts;
         } else {
-          sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(derivative)) += p[linear] * parts;
+          sum.block<2, 1>(2 * i, 1 + static_cast<Eigen::Index>(derivative)) +=
+              coefficient(p.data(), list[j]) * parts;
         }
       }
   };

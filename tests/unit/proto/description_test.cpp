@@ -301,6 +301,7 @@ TEST(Description, RefusesObjectsThatContradictEachOther) {
                            "/fit/calibration_errors", "uncertainty is not known"},
                           {R"({"fit": {"model": "jkr", "refine": 3}})", "/fit/refine", "depends on history"},
                           {R"({"fit": {"compare": ["hertz", "jkr"], "refine": 3}})", "/fit/refine", "jkr"},
+                          {R"({"fit": {"model": "polynomial", "refine": 3}})", "/fit/refine", "known mean"},
                           {R"({"fit": {"model": "capillary", "calibration_errors": true}})",
                            "/fit/calibration_errors", "depends on history"},
                           {(one_mode + R"("excitation": {"kind": "base", "participation": [1, 2]}})").c_str(),
