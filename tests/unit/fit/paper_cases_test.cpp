@@ -73,18 +73,23 @@ TEST(PixelFitter, TheSameTonesGiveTheSameBitsWhateverCameBefore) {
   EXPECT_EQ(result.iterations, expected.iterations);
 }
 
+// With and without linear parameters.
 TEST(PixelFitter, DoesNotAllocate) {
   COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
-  PixelFitter fitter(dmt_conditions());
-  FitResult result;
-  std::size_t allocations = 0;
-  {
-    const test::ForbidAllocation guard;
-    fitter.fit(dmt_tones, result);
-    allocations = guard.calls();
+  for (const char* model : {"dmt", "exponential"}) {
+    FitConditions conditions = dmt_conditions();
+    conditions.settings.model = model;
+    PixelFitter fitter(conditions);
+    FitResult result;
+    std::size_t allocations = 0;
+    {
+      const test::ForbidAllocation guard;
+      fitter.fit(dmt_tones, result);
+      allocations = guard.calls();
+    }
+    EXPECT_EQ(allocations, 0U) << model;
+    EXPECT_GT(result.iterations, 0U) << model;
   }
-  EXPECT_EQ(allocations, 0U);
-  EXPECT_GT(result.iterations, 0U);
 }
 
 TEST(PixelFitter, FreeMotionIsNoContact) {
