@@ -15,10 +15,10 @@ namespace combforce {
 namespace {
 
 using test::one_channel;
+using test::Range;
 using test::Recorded;
 using test::run;
 using test::SyntheticStream;
-using testing::Range;
 
 constexpr std::uint64_t window = 200;
 
