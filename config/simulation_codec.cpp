@@ -8,6 +8,7 @@
 #include <span>
 
 #include "config/field_message.hpp"
+#include "drivers/digitizer.hpp"
 #include "drivers/simulated/scene.hpp"
 #include "fit/force_model.hpp"
 
@@ -166,7 +167,9 @@ void read_surface(const JsonView& view, const Description& top, const std::files
   try {
     const ModelInfo& model = find_model(simulation.model);
     if (const std::string_view why = why_partial_fit_only(model); !why.empty())
-      own.value_or(view).fail(fmt::format("is \"{}\": {}, which is not simulated", model.name, why));
+      own.value_or(view).fail(fmt::format("{} \"{}\", which is not simulated: {}",
+                                          own ? "is" : "needs a \"model\", as that of the fit is", model.name,
+                                          why));
     simulation.scene = decode_scene(view.get("scene"), model, base);
   } catch (const std::invalid_argument& error) {
     own.value_or(view).fail(error.what());
@@ -174,7 +177,6 @@ void read_surface(const JsonView& view, const Description& top, const std::files
 }
 
 void read_course(const JsonView& view, SimulationSettings& simulation) {
-  constexpr std::uint32_t most_block_frames = 1U << 24;
   read(view, "frames", simulation.frames, std::numeric_limits<std::uint32_t>::max());
   read(view, "free_seconds", simulation.free_seconds, non_negative);
   read_seed(view, simulation.seed);

@@ -14,7 +14,9 @@
 // 1000 more at two tones 994 are exact and 6 do not converge: two nearly equal amplitudes hardly tell a decay
 // length. What the force moves off the comb matters the more, the shorter it is: of simulated pixels with
 // decay lengths of 0.3 to 9 nm a refined fit brings back 25 of 25 at two tones, 20 of 22 at four and 10 of 16
-// around one mode, to 6e-4; the others, all shorter than 1.2 nm, say misfit.
+// around one mode, to 6e-4; the others, all shorter than 1.2 nm, say misfit. Where the decay is longer than
+// the motion, the force is all but linear and the tones tell its gradient alone: the search creeps along a
+// trench for a second or so and says ill_conditioned or not_converged.
 #pragma once
 
 #include <array>

@@ -42,8 +42,8 @@ class Fitter {
                    std::span<const double> weights, const Whitening& whitening, std::span<const double> start,
                    FitResult& result) = 0;
 
-  // E at `parameters` (paper, equation 9) with these weights, on the first quadrature that the next finer one
-  // confirms to 1e-6.
+  // E at `parameters` (paper, equation 9) with these weights; where there are several quadratures, on the
+  // first that the next finer one confirms to 1e-6.
   virtual double error(const MeasuredForce& measured, std::span<const double> weights,
                        std::span<const double> parameters) = 0;
 };

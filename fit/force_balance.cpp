@@ -62,7 +62,8 @@ void ForceBalance::set_motion(std::span<const std::complex<double>> tones) {
 
 void ForceBalance::prepare(double p0, std::size_t level, bool tail) {
   const double about = far_from_ - 2.0 * margin_;
-  const bool kept = prepared_ && std::abs(p0 - about) <= 0.5 * margin_;
+  const bool kept = prepared_ && (std::abs(p0 - about) <= 0.5 * margin_ ||
+                                  (all_near() && p0 + 2.0 * margin_ > motion_.highest_nm()));
   quadrature_.set_level(level);
   if (kept && (!tail || far_level_ == level)) return;
   far_level_ = level;
@@ -81,7 +82,7 @@ void ForceBalance::split(double p0, bool tail) {
   for (std::size_t cell = 0; cell < grid_used_; ++cell) {
     const double low = grid_bounds_[cell], width = grid_bounds_[cell + 1] - low;
     for (std::size_t j = 0; j < grid_order; ++j)
-      grid_d_[cell * grid_order + j] = ceiling_nm() + margin_ * (low + width * lagrange_nodes[j]);
+      grid_d_[cell * grid_order + j] = grid_begin_nm() + margin_ * (low + width * lagrange_nodes[j]);
   }
 }
 
@@ -141,7 +142,7 @@ void ForceBalance::add_far_part(const Motion::Polynomial& c, double curvature, s
   if (split + 1 < far_splits) {
     const auto [d, slope] = value_and_slope_at(c, middle);
     const double reach = std::abs(slope) * half + 0.5 * curvature * half * half;
-    if (2.0 * reach > std::max(d - reach, far_from_) - ceiling_nm()) {
+    if (2.0 * reach > std::max(d - reach, far_from_) - grid_begin_nm()) {
       add_far_part(c, curvature, split + 1, 2 * part);
       add_far_part(c, curvature, split + 1, 2 * part + 1);
       return;
@@ -156,7 +157,7 @@ void ForceBalance::add_far_part(const Motion::Polynomial& c, double curvature, s
 }
 
 void ForceBalance::deposit(double d, const std::complex<double>* phases, double weight) {
-  const double x = (d - ceiling_nm()) / margin_;
+  const double x = (d - grid_begin_nm()) / margin_;
   std::size_t cell = grid_last_;
   while (cell > 0 && x < grid_bounds_[cell]) --cell;
   while (cell + 1 < grid_cells && x >= grid_bounds_[cell + 1]) ++cell;

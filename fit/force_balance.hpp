@@ -15,6 +15,7 @@
 #include <complex>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -41,7 +42,7 @@ class ForceBalance {
   // depends on history all this is said of its contact_top_nm() instead of p0, and there is no such tail.
   void prepare(double p0, std::size_t level, bool tail);
   void reset() { prepared_ = false; }
-  double ceiling_nm() const { return far_from_ - margin_; }
+  double ceiling_nm() const { return all_near() ? std::numeric_limits<double>::infinity() : grid_begin_nm(); }
   double margin_nm() const { return margin_; }
 
   // Adds the motion's lower, or its upper, turning points between `low` and `high`, no more than `points` has
@@ -83,6 +84,10 @@ class ForceBalance {
   CellQuadrature quadrature_;
   // [level][split]: exp(i w t) from the centre of a cell, row-major nodes x tones, over 2^split equal parts.
   std::array<std::array<std::vector<std::complex<double>>, far_splits>, levels> far_phases_;
+
+  // Whether no cell of the motion is far.
+  bool all_near() const { return far_from_ > motion_.highest_nm(); }
+  double grid_begin_nm() const { return far_from_ - margin_; }
 
   double margin_ = 0.0, far_from_ = 0.0;
   std::size_t far_level_ = 0;

@@ -148,8 +148,9 @@ class LinearFitter : public Fitter {
   }
 
   FitStatus status(const std::array<bool, max_parameters>& fixed, const FitResult& result) const {
+    for (std::size_t k = 0; k < count; ++k)
+      if (felt_[k] && fixed[k]) return FitStatus::at_bound;
     if (std::ranges::find(felt_, false) != felt_.end()) return FitStatus::ill_conditioned;
-    if (std::ranges::find(fixed, true) != fixed.end()) return FitStatus::at_bound;
     for (std::size_t k = 0; k < count; ++k)
       if (result.std_errors[k] > ill_conditioned_error * std::abs(result.parameters[k]))
         return FitStatus::ill_conditioned;

@@ -130,11 +130,11 @@ class ModelFitter : public Fitter {
       1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
   static constexpr double clearly_less = 0.5;
 
-  // The surface is sought no farther from the motion than the motion's span. A force that decays may be
-  // 1 nN farther away: over the span it falls by e, or all but linearly, and forces of e^-10 nN are noise.
+  // The surface is sought no farther from the motion than the motion's span. A force that decays may be 1 nN
+  // much farther away, the farther the more slowly it decays.
   void bound_to_motion() {
     const double lowest = balance_->motion().lowest_nm(), highest = balance_->motion().highest_nm();
-    const double reach = (Decays<Model> ? 10.0 : 1.0) * (highest - lowest);
+    const double reach = (Decays<Model> ? 100.0 : 1.0) * (highest - lowest);
     in_force_ = bounds_;
     in_force_[0] = {std::max(bounds_[0].lower, lowest - reach), std::min(bounds_[0].upper, highest + reach)};
     if (!(in_force_[0].lower < in_force_[0].upper)) in_force_[0] = bounds_[0];

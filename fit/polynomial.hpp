@@ -10,9 +10,9 @@
 // A power d^k makes its products at sums and differences of k tones. Tones around one mode hold all those of
 // odd powers near it, but none of even powers, which fall near 0 and twice the mode: then p1 and p3 are not
 // known (NaN), and the fit is ill conditioned. Some tones there as well, sidebands of a few spacings or the
-// second harmonic, tell them. Where no products are measured, the odd powers give one number a driven tone:
-// two tones, or four of one amplitude, do not tell three odd powers apart, and nothing is known; four others
-// do.
+// second harmonic, tell them. Where no products are measured, the odd powers give one number a driven tone,
+// by its amplitude: fewer than three different amplitudes do not tell three odd powers apart, and nothing is
+// known.
 #pragma once
 
 #include <array>

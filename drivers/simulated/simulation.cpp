@@ -76,7 +76,7 @@ void validate(const SimulationSettings& settings) {
   require(greatest_nm <= most_motion_nm, "drive", fmt::format("{} nm of free motion", greatest_nm),
           fmt::format("<= {} nm", most_motion_nm));
   const std::string_view why = why_partial_fit_only(find_model(settings.model));
-  require(why.empty(), "model", settings.model, fmt::format("another one: {}, which is not simulated", why));
+  require(why.empty(), "model", settings.model, fmt::format("a simulated one: of this, {}", why));
   const FeedbackSettings& feedback = settings.feedback;
   if (feedback.enabled) {
     require(settings.comb.tones[0].driven, "comb.tones[0].driven", false,

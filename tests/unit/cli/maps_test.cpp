@@ -86,8 +86,8 @@ TEST(MapWriter, WritesGsfInSiUnits) {
   EXPECT_FLOAT_EQ(read("trace_adhesion_nn").values[0], 5e-9F);
   EXPECT_EQ(read("trace_contact_strength_gpa_sqrt_nm").value_unit, "");
   EXPECT_FLOAT_EQ(read("trace_contact_strength_gpa_sqrt_nm").values[0], 1.5F);
-  EXPECT_EQ(read("trace_cubic_nn_per_nm3").value_unit, "N/m^3");
-  EXPECT_FLOAT_EQ(read("trace_cubic_nn_per_nm3").values[0], 2e15F);
+  EXPECT_EQ(read("trace_cubic_nn_per_nm3").value_unit, "");
+  EXPECT_FLOAT_EQ(read("trace_cubic_nn_per_nm3").values[0], 0.002F);
   EXPECT_EQ(read("trace_marker_v").value_unit, "V");
   EXPECT_FLOAT_EQ(read("retrace_z_nm").values[1], 4e-9F);
   std::filesystem::remove_all(std::filesystem::path(directory).parent_path());

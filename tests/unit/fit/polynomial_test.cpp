@@ -141,6 +141,7 @@ TEST(PolynomialFit, FourTonesTellOddPowersAloneUnlessTheyAreEqual) {
   const std::vector<std::uint64_t> bins{234, 1348, 3516, 6470};
   expect_odd_powers_alone(draw.pixel(bins, {30.0, 7.0, 3.0, 1.5}));
   expect_nothing(draw.pixel(bins, {10.0, 10.0, 10.0, 10.0}));
+  expect_nothing(draw.pixel(bins, {10.0, 10.0, 5.0, 5.0}));
 }
 
 TEST(PolynomialFit, TwoTonesDoNotTellThreeOddPowersApart) {
@@ -162,6 +163,20 @@ TEST(PolynomialFit, KeepsToItsBoundsAndSaysSo) {
   EXPECT_NEAR(result.parameters[3], pixel.truth[3], 1e-11);
   const double quintic_nn = -2.0 + 0.25 * 0.5 * (5.0 / 16.0) / ((25.0 + 1.0) / 256.0);
   EXPECT_NEAR(result.parameters[4], 1e-5 * quintic_nn, 1e-12);
+}
+
+// Even powers that no tone tells are no reason not to say so.
+TEST(PolynomialFit, SaysThatItIsAtABoundWhereEvenPowersAreNotToldEither) {
+  Draw draw(44);
+  ModelPixel pixel = draw.pixel({234, 1348, 3516, 6470}, {30.0, 7.0, 3.0, 1.5});
+  const bool positive = pixel.truth[2] > 0.0;
+  const double beside = positive ? -1e-9 : 1e-9;
+  pixel.conditions.settings.bounds = {
+      {"cubic_nn_per_nm3", positive ? -1.0 : beside, positive ? beside : 1.0}};
+  const FitResult result = fitted(pixel);
+  EXPECT_EQ(result.status, FitStatus::at_bound);
+  EXPECT_EQ(result.parameters[2], beside);
+  EXPECT_TRUE(std::isnan(result.parameters[1]));
 }
 
 TEST(PolynomialFit, WithoutNoiseHasNoErrors) {

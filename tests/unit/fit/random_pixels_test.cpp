@@ -1,5 +1,6 @@
 // Random pixels that a model explains exactly: a fit gives the truth or says by its status that it may not.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <map>
 
 #include "fit/cone.hpp"
+#include "fit/exponential.hpp"
 #include "fit/flat_punch.hpp"
 #include "tests/unit/fit/random_pixel.hpp"
 
@@ -69,7 +71,9 @@ Tally fit_all(int pixels, const std::function<ModelPixel()>& draw) {
 constexpr int pixels = 1000;
 constexpr std::uint64_t seeds =
     90101;  // the pixels of DMT with noise are held out: nothing was chosen by them
+const std::vector<int> known_dmt{21, 36, 174, 503}, known_kelvin_voigt{673};  // to end elsewhere
 #else
+const std::vector<int> known_dmt, known_kelvin_voigt;
 constexpr int pixels = 60;
 constexpr std::uint64_t seeds = 1;
 #endif
@@ -94,11 +98,27 @@ TEST(RandomPixels, ExponentialAtTwoTonesGivesTheTruthOrSaysSo) {
   EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.5 * pixels));
 }
 
+// Of a force that is all but linear along the motion the tones tell the gradient alone.
+TEST(ExponentialPixel, DecaysOverMoreThanTheMotionAndSaysThatThisIsNotTold) {
+  const std::vector<std::uint64_t> bins{234, 1348};
+  const Phasors tip_nm{{2.0, 0.5}, {0.3, -0.2}};
+  const double decay_nm = 30.0, greatest_nn = 5.0;
+  const double lowest_nm = ReferenceMotion(bins, tip_nm).lowest_nm();
+  const ModelPixel pixel =
+      pixel_of<Exponential>(bins, tip_nm, {lowest_nm + decay_nm * std::log(greatest_nn), decay_nm});
+  FitResult result;
+  PixelFitter(pixel.conditions).fit(pixel.tip_nm, result);
+  EXPECT_TRUE(result.status == FitStatus::not_converged || result.status == FitStatus::ill_conditioned);
+  const double gradient =
+      std::exp((result.parameters[0] - lowest_nm) / result.parameters[1]) / result.parameters[1];
+  EXPECT_NEAR(gradient / (greatest_nn / decay_nm), 1.0, 0.2);  // of the mean, not of the turning point
+}
+
 TEST(RandomPixels, KelvinVoigtAtFourTonesGivesTheTruthOrSaysSo) {
   RandomPixels draw(seeds);
   const Tally tally = fit_all(pixels, [&] { return draw.kelvin_voigt(); });
   // One of the 1000 is known: a second minimum 4 nm away, with a chi^2 of 12 for 5 degrees of freedom.
-  EXPECT_LE(tally.wrong.size(), static_cast<std::size_t>(pixels / 1000));
+  EXPECT_THAT(known_kelvin_voigt, ::testing::IsSupersetOf(tally.wrong));
   EXPECT_LE(tally.count(FitStatus::not_converged), static_cast<std::size_t>(0.02 * pixels));
   // Of the draws two in three determine all three parameters to 30 %.
   EXPECT_GT(tally.count(FitStatus::converged), static_cast<std::size_t>(0.6 * pixels));
@@ -144,7 +164,7 @@ TEST(RandomPixels, DmtWithoutANoiseModelGivesTheTruth) {
     pixel.conditions.noise.reset();
     return pixel;
   });
-  EXPECT_LE(tally.wrong.size(), static_cast<std::size_t>(pixels / 250));
+  EXPECT_THAT(known_dmt, ::testing::IsSupersetOf(tally.wrong));
 }
 
 TEST(RandomPixels, IntermodulationAroundOneModeGivesTheTruth) {
