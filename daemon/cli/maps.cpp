@@ -26,13 +26,9 @@ struct Unit {
 };
 
 // The first that fits counts.
-constexpr std::array<Unit, 16> units{{{"_gpa_sqrt_nm", 1.0, ""},  // Pa sqrt(m): GSF knows integer powers only
+constexpr std::array<Unit, 12> units{{{"_gpa_sqrt_nm", 1.0, ""},  // Pa sqrt(m): GSF knows integer powers only
                                       {"_gpa", 1e9, "Pa"},
                                       {"_n_per_m", 1.0, "N/m"},
-                                      {"_nn_per_nm2", 1.0, ""},
-                                      {"_nn_per_nm3", 1.0, ""},
-                                      {"_nn_per_nm4", 1.0, ""},
-                                      {"_nn_per_nm5", 1.0, ""},
                                       {"_mj_per_m2", 1e-3, "J/m^2"},
                                       {"_zj", 1e-21, "J"},
                                       {"_nn_nm2", 1e-27, "N m^2"},

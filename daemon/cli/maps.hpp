@@ -50,7 +50,8 @@ class MapWriter {
   std::vector<double> map(Direction direction, std::string_view name) const;
 
   // DIRECTION_NAME.gsf for each map, in the directory, which is made. Values are in the SI unit of the name's
-  // ending; where there is none (gpa_sqrt_nm, status) as they are. Throws std::runtime_error naming the file.
+  // ending; where there is none (gpa_sqrt_nm, nn_per_nm2, status) as they are. Throws std::runtime_error
+  // naming the file.
   void write() const;
 
  private:
