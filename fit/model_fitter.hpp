@@ -128,7 +128,7 @@ class ModelFitter : public Fitter {
   static constexpr int most_rounds = 5;
   static constexpr double as_good =
       1.1;  // errors E that coarse quadratures, or unfinished solutions, differ by
-  static constexpr double clearly_less = 0.5;
+  static constexpr double clearly_less = 0.5;  // of E: more than they differ by
 
   // The surface is sought no farther from the motion than the motion's span. A force that decays may be 1 nN
   // much farther away, the farther the more slowly it decays.
