@@ -1,6 +1,5 @@
 #include "dsp/spectrum.hpp"
 
-#include <fftw3.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,24 +7,12 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
-#include <type_traits>
 
-#include "dsp/fftw_planner.hpp"
+#include "dsp/fftw.hpp"
 
 namespace combforce {
 
 namespace {
-
-struct FreeFftw {
-  void operator()(void* memory) const { fftw_free(memory); }
-};
-
-struct DestroyPlan {
-  void operator()(fftw_plan plan) const {
-    const std::scoped_lock lock(fftw_planner_mutex());
-    fftw_destroy_plan(plan);
-  }
-};
 
 double sum_of(std::span<const double> values) {
   double sum = 0.0;
@@ -34,11 +21,6 @@ double sum_of(std::span<const double> values) {
 }
 
 }  // namespace
-
-std::mutex& fftw_planner_mutex() {
-  static std::mutex mutex;
-  return mutex;
-}
 
 class WelchSpectrum::State {
  public:
@@ -62,9 +44,9 @@ class WelchSpectrum::State {
   double window_power_ = 0.0;  // sum of the squared window
   std::vector<double> power_;  // sum of |X_k|^2 over segments
   std::uint64_t segments_ = 0;
-  std::unique_ptr<double, FreeFftw> windowed_;
-  std::unique_ptr<fftw_complex, FreeFftw> transform_;
-  std::unique_ptr<std::remove_pointer_t<fftw_plan>, DestroyPlan> plan_;
+  FftwReals windowed_;
+  FftwComplexes transform_;
+  FftwPlan plan_;
 };
 
 WelchSpectrum::State::State(std::size_t segment_samples, double sample_rate_hz, bool remove_mean)

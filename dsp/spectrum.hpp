@@ -13,7 +13,7 @@ namespace combforce {
 // k * sample_rate / segment_samples, k = 0 … segment/2. The integral over frequency is the variance: bins but
 // DC and Nyquist carry both signs of frequency. The mean of each segment is removed when asked.
 // Thread-bound; push() does not allocate. Construction and destruction take FFTW's planner lock
-// (fftw_planner.hpp).
+// (fftw.hpp).
 class WelchSpectrum {
  public:
   // segment_samples even, 4 <= segment_samples < 2^31; sample_rate_hz > 0, finite; else

@@ -5,8 +5,6 @@
 #include <mutex>
 #include <numbers>
 
-#include "dsp/fftw_planner.hpp"
-
 namespace combforce {
 namespace {
 
@@ -21,11 +19,6 @@ std::size_t quick_size(std::size_t least) {
 }
 
 }  // namespace
-
-void CellTransform::Free::operator()(fftw_plan_s* plan) const {
-  const std::scoped_lock lock(fftw_planner_mutex());
-  fftw_destroy_plan(plan);
-}
 
 CellTransform::CellTransform(std::size_t highest_tone, std::size_t band)
     : band_(band), cells_(quick_size(std::max({std::size_t{8}, 2 * highest_tone, 2 * band / 3 + 1}))) {
@@ -44,9 +37,9 @@ CellTransform::CellTransform(std::size_t highest_tone, std::size_t band)
   forward_low_ = forward_plan(low_order);
 }
 
-CellTransform::Plan CellTransform::forward_plan(std::size_t orders) {
+FftwPlan CellTransform::forward_plan(std::size_t orders) {
   const int size = static_cast<int>(cells_), many = static_cast<int>(orders);
-  return Plan(fftw_plan_many_dft_r2c(1, &size, many, in_time_.get(), nullptr, many, 1, in_frequency_.get(),
+  return FftwPlan(fftw_plan_many_dft_r2c(1, &size, many, in_time_.get(), nullptr, many, 1, in_frequency_.get(),
                                      nullptr, many, 1, FFTW_ESTIMATE));
 }
 

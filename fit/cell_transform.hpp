@@ -7,19 +7,17 @@
 // harmonic. What happens inside a cell, a contact of nanoseconds, is kept.
 #pragma once
 
-#include <fftw3.h>
-
 #include <complex>
 #include <cstddef>
-#include <memory>
 #include <span>
 #include <vector>
 
+#include "dsp/fftw.hpp"
 #include "fit/motion.hpp"
 
 namespace combforce {
 
-// Thread-bound. Only the constructor allocates; it takes FFTW's planner lock (dsp/fftw_planner.hpp).
+// Thread-bound. Only the constructor allocates; it takes FFTW's planner lock (dsp/fftw.hpp).
 class CellTransform {
  public:
   static constexpr std::size_t order = Motion::order;  // of the motion, and of moments as exact as it
@@ -45,19 +43,14 @@ class CellTransform {
                   std::span<std::complex<double>> phasors);
 
  private:
-  struct Free {
-    void operator()(void* buffer) const { fftw_free(buffer); }
-    void operator()(fftw_plan_s* plan) const;
-  };
-  using Plan = std::unique_ptr<fftw_plan_s, Free>;
-  Plan forward_plan(std::size_t orders);
+  FftwPlan forward_plan(std::size_t orders);
 
   std::size_t band_, cells_;
   std::vector<Motion::Polynomial> expansion_;         // a harmonic: even k the real part, odd k the imaginary
   std::vector<std::complex<double>> half_step_;       // exp(i theta_n)
-  std::unique_ptr<double, Free> in_time_;             // cells x order
-  std::unique_ptr<fftw_complex, Free> in_frequency_;  // (cells/2 + 1) x order
-  Plan inverse_, forward_, forward_low_;
+  FftwReals in_time_;                            // cells x order
+  FftwComplexes in_frequency_;  // (cells/2 + 1) x order
+  FftwPlan inverse_, forward_, forward_low_;
 };
 
 }  // namespace combforce

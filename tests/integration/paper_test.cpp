@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "daemon/cli/paper/figures.hpp"
-#include "daemon/cli/paper/fourier.hpp"
 #include "daemon/cli/paper/grid_fit.hpp"
 #include "daemon/cli/paper/remarks.hpp"
 
@@ -31,20 +30,6 @@ TEST(PaperNoise, HasThePrintedSpread) {
   // rounding.
   for (std::size_t i = 0; i < 4; ++i)
     EXPECT_NEAR(1e3 * std::sqrt(squares[i]), printed_pm[i], 0.2 * printed_pm[i] + 0.05) << "mode " << i + 1;
-}
-
-TEST(PaperSpectrum, HoldsPeakPhasorsAndInverts) {
-  constexpr std::size_t n = 240;
-  std::vector<double> wave(n);
-  for (std::size_t i = 0; i < n; ++i)
-    wave[i] = 0.5 + 3.0 * std::cos(2.0 * std::numbers::pi * 7.0 * double(i) / n + 0.3) +
-              (i % 2 == 0 ? 0.25 : -0.25);
-  const std::vector<Complex> bins = spectrum(wave);
-  ASSERT_EQ(bins.size(), n / 2 + 1);
-  EXPECT_NEAR(std::abs(bins[0] - 0.5), 0.0, 1e-14);
-  EXPECT_NEAR(std::abs(bins[7] - std::polar(3.0, 0.3)), 0.0, 1e-14);
-  EXPECT_NEAR(std::abs(bins[n / 2] - 0.25), 0.0, 1e-14);
-  EXPECT_THAT(signal(bins), testing::Pointwise(testing::DoubleNear(1e-13), wave));
 }
 
 TEST(PaperScatter, IsThatOfAKnownSample) {

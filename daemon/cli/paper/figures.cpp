@@ -10,7 +10,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "daemon/cli/paper/fourier.hpp"
+#include "dsp/fourier.hpp"
 
 extern char** environ;  // NOLINT(readability-redundant-declaration): POSIX leaves it to the user
 
@@ -126,7 +126,7 @@ void write_spectra(const std::filesystem::path& directory, const CaseMotion& mot
       directory, fmt::format("spectra_{}.dat", motion.of->key),
       "# f (kHz)  |q1|  |q2|  |q3|  |q4|  |d| (nm, peak)  |chi1|  |chi2|  |chi3|  |chi4|  |chi| (nm/nN)\n");
   std::vector<std::vector<std::complex<double>>> spectra;
-  for (const std::vector<double>* one : signals(motion)) spectra.push_back(spectrum(*one));
+  for (const std::vector<double>* one : signals(motion)) spectra.push_back(spectrum_of(*one));
   for (std::size_t k = 1; k <= static_cast<std::size_t>(highest_hz / delta_f_hz); ++k) {
     const double hz = delta_f_hz * static_cast<double>(k);
     file.write(fmt::format("{:.6g}", 1e-3 * hz));

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "daemon/cli/paper/fourier.hpp"
+#include "dsp/fourier.hpp"
 
 namespace combforce::paper {
 namespace {
@@ -12,7 +12,7 @@ using Complex = std::complex<double>;
 
 // Equation 7 on every bin.
 std::vector<Complex> recovered_force(const CaseMotion& motion, std::span<const double> tip_nm) {
-  std::vector<Complex> force = spectrum(tip_nm);
+  std::vector<Complex> force = spectrum_of(tip_nm);
   for (std::size_t i = 0; i < motion.of->bins.size(); ++i) force[motion.of->bins[i]] -= motion.free_nm[i];
   for (std::size_t k = 0; k < force.size(); ++k)
     force[k] /= tip_response(cantilever(), delta_f_hz * static_cast<double>(k));
@@ -57,7 +57,7 @@ std::vector<double> every(std::uint64_t step, std::span<const double> signal) {
 SimulatorCheck check_simulator(const CaseMotion& motion) {
   const std::vector<double>& tip_nm = motion.engaged.tip_motion_nm;
   SimulatorCheck check{
-      motion.of, signal(recovered_force(motion, tip_nm)), used_force(*motion.of, tip_nm), {}};
+      motion.of, signal_of(recovered_force(motion, tip_nm)), used_force(*motion.of, tip_nm), {}};
   check.difference = difference_of(minus(check.recovered_nn, check.used_nn));
   return check;
 }
@@ -70,16 +70,16 @@ BandCheck check_band(const Case& of) {
   check.of = &of;
   for (std::uint64_t rate = 1; rate <= finest; rate *= 2) {
     const std::vector<double> sampled = every(finest / rate, tip_nm);
-    const std::vector<double> recovered = signal(recovered_force(motion, sampled));
+    const std::vector<double> recovered = signal_of(recovered_force(motion, sampled));
     check.rates.push_back({sample_rate_hz * static_cast<double>(rate),
                            difference_of(minus(recovered, used_force(of, sampled)))});
   }
   std::vector<Complex> error = recovered_force(motion, tip_nm);
-  const std::vector<Complex> used = spectrum(used_force(of, tip_nm));
+  const std::vector<Complex> used = spectrum_of(used_force(of, tip_nm));
   for (std::size_t k = 0; k < error.size(); ++k) error[k] -= used[k];
   error.resize(window_samples / 2 + 1);
   error.back() = 0.0;
-  check.in_band_error_nn = signal(error);
+  check.in_band_error_nn = signal_of(error);
   check.in_band = difference_of(check.in_band_error_nn);
   return check;
 }

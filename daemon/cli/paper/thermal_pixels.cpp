@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "daemon/cli/paper/fourier.hpp"
+#include "dsp/fourier.hpp"
 
 namespace combforce::paper {
 namespace {
@@ -41,7 +41,7 @@ std::vector<std::complex<double>> ThermalPixels::next(std::span<const std::uint6
   std::vector<std::complex<double>> tones(bins.size());
   for (unsigned i = 0; i < windows_; ++i) {
     oscillator_.advance(samples_);  // 1 nm/V in every mode
-    const std::vector<std::complex<double>> all = spectrum(samples_);
+    const std::vector<std::complex<double>> all = spectrum_of(samples_);
     for (std::size_t b = 0; b < bins.size(); ++b) tones[b] += all[bins[b]] / static_cast<double>(windows_);
   }
   return tones;

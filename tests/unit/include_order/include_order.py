@@ -16,7 +16,7 @@ PROGRAMS = {"daemon/combforce.cpp", "daemon/combforced.cpp"}  # the two mains: t
 LIBRARIES = {
     "Eigen/": {"dsp", "fit", "daemon/cli"},
     "unsupported/Eigen/": {"daemon/cli"},  # MINPACK, translated
-    "fftw3.h": {"dsp", "fit", "daemon/cli"},
+    "fftw3.h": {"dsp"},
     "hwy/": {"dsp"},
     "boost/lockfree/": {"dsp", "daemon/pipeline"},
     "boost/math/": {"fit", "drivers"},
@@ -36,7 +36,7 @@ LIBRARIES = {
 NOT_IN_NUMERICS = {"thread", "mutex", "shared_mutex", "condition_variable", "future", "iostream", "fstream", "cstdio",
                    "filesystem"}
 NUMERICS = {"dsp", "fit"}
-EXCEPTIONS = {("dsp/fftw_planner.hpp", "mutex"), ("fit/cell_transform.cpp", "mutex")}  # FFTW plans: process-wide state
+EXCEPTIONS = {("dsp/fftw.hpp", "mutex"), ("fit/cell_transform.cpp", "mutex")}  # FFTW plans: process-wide state
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.MULTILINE)
 

@@ -1,27 +1,14 @@
-#include "daemon/cli/paper/fourier.hpp"
+#include "dsp/fourier.hpp"
 
-#include <fftw3.h>
+#include "dsp/fftw.hpp"
 
-#include <memory>
-#include <mutex>
-
-#include "dsp/fftw_planner.hpp"
-
-namespace combforce::paper {
+namespace combforce {
 namespace {
 
-struct DestroyPlan {
-  void operator()(fftw_plan plan) const {
-    const std::lock_guard lock(fftw_planner_mutex());
-    fftw_destroy_plan(plan);
-  }
-};
-using Plan = std::unique_ptr<std::remove_pointer_t<fftw_plan>, DestroyPlan>;
-
 template <typename Make>
-Plan make_plan(const Make& make) {
-  const std::lock_guard lock(fftw_planner_mutex());
-  return Plan(make());
+FftwPlan make_plan(const Make& make) {
+  const std::scoped_lock lock(fftw_planner_mutex());
+  return FftwPlan(make());
 }
 
 fftw_complex* as_fftw(std::vector<std::complex<double>>& values) {
@@ -30,10 +17,10 @@ fftw_complex* as_fftw(std::vector<std::complex<double>>& values) {
 
 }  // namespace
 
-std::vector<std::complex<double>> spectrum(std::span<const double> signal) {
+std::vector<std::complex<double>> spectrum_of(std::span<const double> signal) {
   std::vector<double> in(signal.begin(), signal.end());
   std::vector<std::complex<double>> out(in.size() / 2 + 1);
-  const Plan plan = make_plan([&] {
+  const FftwPlan plan = make_plan([&] {
     return fftw_plan_dft_r2c_1d(static_cast<int>(in.size()), in.data(), as_fftw(out), FFTW_ESTIMATE);
   });
   fftw_execute(plan.get());
@@ -44,15 +31,15 @@ std::vector<std::complex<double>> spectrum(std::span<const double> signal) {
   return out;
 }
 
-std::vector<double> signal(std::span<const std::complex<double>> spectrum) {
+std::vector<double> signal_of(std::span<const std::complex<double>> spectrum) {
   std::vector<std::complex<double>> in(spectrum.begin(), spectrum.end());
   for (std::size_t k = 1; k + 1 < in.size(); ++k) in[k] *= 0.5;
   std::vector<double> out(2 * (in.size() - 1));
-  const Plan plan = make_plan([&] {
+  const FftwPlan plan = make_plan([&] {
     return fftw_plan_dft_c2r_1d(static_cast<int>(out.size()), as_fftw(in), out.data(), FFTW_ESTIMATE);
   });
   fftw_execute(plan.get());
   return out;
 }
 
-}  // namespace combforce::paper
+}  // namespace combforce
