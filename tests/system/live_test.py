@@ -198,7 +198,8 @@ class Live(SystemTest):
         daemon = self.daemon(configuration)
         control, watcher = daemon.client(), daemon.client()
         wait_for(lambda: control.call("instrument.status")["epoch"] == 1, "the new epoch")
-        control.call("free.capture", windows=8)
+        # What the digitizer has delivered waits in the ring: the break may still come to be analysed.
+        wait_for(lambda: "result" in control.request("free.capture", windows=8), "a capture after the break")
         watcher.call("subscribe", topics=["pixel"])
         meta = control.call("record.start", name="late")["meta_path"]
         control.call("scan.start", frames=1)
