@@ -9,6 +9,7 @@
 #include <span>
 
 #include "fit/box_least_squares.hpp"
+#include "fit/engaged_heat.hpp"
 #include "fit/fit_result.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/force_model.hpp"
@@ -23,6 +24,7 @@ struct FitterSetup {
   std::size_t tones;
   std::span<const Bounds> bounds;  // one a parameter
   const Harmonics* harmonics;      // outlives the fitter; null: the paper's fit
+  EngagedHeat* heat;               // of a refined fit, outlives the fitter; null: noise is not known
   std::uint32_t refine;            // iterations beyond the paper's fit, from each start
   bool profile_intervals;          // of a refined fit
 };

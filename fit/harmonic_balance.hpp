@@ -15,6 +15,7 @@
 
 #include "fit/bounded.hpp"
 #include "fit/box_least_squares.hpp"
+#include "fit/force_gradient.hpp"
 #include "fit/force_model.hpp"
 #include "fit/force_spectrum.hpp"
 #include "fit/harmonics.hpp"
@@ -124,33 +125,17 @@ class HarmonicBalance {
     return scratch_.squaredNorm();
   }
 
-  // What a change (x + iy) of the motion at harmonic m, of velocity i w_m (x + iy), does to the force at n:
-  // re x + im y. After linearize().
-  struct Coupling {
-    Complex re, im;
-  };
-  Coupling coupling(std::size_t n, std::size_t m) const {
-    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
-    const Complex turn(0.0, harmonics_->angular_frequency(m));
-    if (m == 0) return {(n == 0 ? 1.0 : 2.0) * stiffness(j), 0.0};
-    if (n == 0) {
-      const Complex both = stiffness(k) - turn * damping(k);
-      return {both.real(), both.imag()};
-    }
-    return coupled(j - k, j + k, turn);
-  }
-  // The same of a small motion half a spacing above harmonic m, and the force half a spacing above n.
-  Coupling coupling_between(std::size_t n, std::size_t m) const {
-    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
-    const Complex turn(0.0, harmonics_->angular_frequency(m) + 0.5 * harmonics_->angular_frequency(1));
-    return coupled(j - k, j + k + 1, turn);
+  // How changes of the motion change the force. After linearize().
+  ForceGradient gradient() const {
+    return {derivatives_[0], damping_, harmonics_->angular_frequency(1)};
   }
   // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
   void couple(std::span<const std::size_t> rows, std::span<const std::size_t> columns,
               Eigen::MatrixXd& matrix) const {
+    const ForceGradient gradient = this->gradient();
     for (std::size_t j = 0; j < columns.size(); ++j)
       for (std::size_t i = 0; i < rows.size(); ++i) {
-        const auto [re, im] = coupling(rows[i], columns[j]);
+        const auto [re, im] = gradient.coupling(rows[i], columns[j]);
         matrix(index(2 * i), index(2 * j)) = re.real();
         matrix(index(2 * i + 1), index(2 * j)) = re.imag();
         matrix(index(2 * i), index(2 * j + 1)) = im.real();
@@ -162,34 +147,11 @@ class HarmonicBalance {
   // Of the surface position, and relative, of the others.
   static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
 
-  // Of a motion with velocity `turn` times itself, `difference` and `sum` of the harmonics apart.
-  Coupling coupled(std::ptrdiff_t difference, std::ptrdiff_t sum, Complex turn) const {
-    const Complex direct = stiffness(difference) + turn * damping(difference),
-                  mirrored = stiffness(sum) - turn * damping(sum);
-    return {direct + mirrored, Complex(0.0, 1.0) * (direct - mirrored)};
-  }
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
   void complete_motion() {
     for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
     spectrum_.set_motion(motion_);
-  }
-
-  // Coefficient m of exp(i w_m t) in a function with these phasors.
-  static Complex coefficient(const Spectrum& phasors, std::ptrdiff_t m) {
-    const auto size = static_cast<std::ptrdiff_t>(phasors.size());
-    if (m >= size || -m >= size) return 0.0;
-    if (m == 0) return phasors[0];
-    const Complex half = 0.5 * phasors[static_cast<std::size_t>(std::abs(m))];
-    return m > 0 ? half : std::conj(half);
-  }
-  // Those of dF/dd, which for a force of d - p0 is -dF/dp0, and of dF/d(velocity).
-  Complex stiffness(std::ptrdiff_t m) const { return -coefficient(derivatives_[0], m); }
-  Complex damping(std::ptrdiff_t m) const {
-    if constexpr (DependsOnVelocity<Model>)
-      return coefficient(damping_, m);
-    else
-      return 0.0;
   }
 
   const Harmonics* harmonics_;

@@ -26,7 +26,7 @@ double chi2_rarity(double degrees, double chi2) {
 
 }  // namespace
 
-MeasuredForce::MeasuredForce(const FitConditions& conditions, std::span<const double> off_comb_hz)
+MeasuredForce::MeasuredForce(const FitConditions& conditions)
     : free_nm_(conditions.free_response->mean_nm), noise_known_(conditions.noise.has_value()) {
   const std::size_t tones = conditions.comb.tones.size();
   const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
@@ -50,66 +50,47 @@ MeasuredForce::MeasuredForce(const FitConditions& conditions, std::span<const do
   contact_threshold_ = chi2_quantile(2.0 * static_cast<double>(tones), 5.0);
   tip_nm_.resize(tones);
   forces_.resize(tones);
-  set_covariance(conditions, frequencies_hz, off_comb_hz);
+  set_covariance(conditions, frequencies_hz);
 }
 
-void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz,
-                                   std::span<const double> off_comb_hz) {
+void MeasuredForce::set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz) {
   const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
-  covariance_ = Eigen::MatrixXd::Zero(rows, rows);
-  detector_variances_.resize(frequencies_hz.size());
   const double delta_f_hz = conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
-  if (!noise_known_) {
-    search_covariance_ =
-        thermal_force_covariance(conditions.cantilever, frequencies_hz, frequencies_hz.size(),
-                                 room_temperature_k, delta_f_hz, conditions.windows);
-    return;
-  }
-  std::vector<double> all_hz(frequencies_hz.begin(), frequencies_hz.end());
-  all_hz.insert(all_hz.end(), off_comb_hz.begin(), off_comb_hz.end());
-  thermal_ = thermal_force_covariance(conditions.cantilever, all_hz, frequencies_hz.size(),
-                                      conditions.noise->temperature_k, delta_f_hz, conditions.windows);
+  search_covariance_ = thermal_force_covariance(
+      conditions.cantilever, frequencies_hz,
+      noise_known_ ? conditions.noise->temperature_k : room_temperature_k, delta_f_hz, conditions.windows);
+  detector_variances_.resize(frequencies_hz.size());
+  covariance_ = Eigen::MatrixXd::Zero(rows, rows);
+  if (!noise_known_) return;
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
     const double density = detector_density(*conditions.noise, i);
     detector_variances_[i] = density * density * delta_f_hz / conditions.windows;
+    const double variance = detector_variances_[i] * std::norm(inverse_response_[i]);
+    search_covariance_.diagonal().segment<2>(static_cast<Eigen::Index>(2 * i)).array() += variance;
   }
-  covariance_ = thermal_.topLeftCorner(rows, rows);
-  add_detector_noise(Eigen::MatrixXd::Zero(rows, rows), covariance_);
-  search_covariance_ = covariance_;
+  covariance_ = search_covariance_;
 }
 
-void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& gain,
+double MeasuredForce::gain(const Eigen::MatrixXd& stiffness, Eigen::Index row, Eigen::Index column) const {
+  double value = stiffness(row, column);
+  if (row / 2 == column / 2) {
+    const std::complex<double> inverse = inverse_response_[static_cast<std::size_t>(row / 2)];
+    value -= row == column ? inverse.real() : row > column ? inverse.imag() : -inverse.imag();
+  }
+  return value;
+}
+
+void MeasuredForce::covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& heat,
                                   Eigen::MatrixXd& covariance) const {
-  const Eigen::Index rows = covariance.rows(), others = gain.cols();
-  covariance = thermal_.topLeftCorner(rows, rows);
-  for (Eigen::Index k = 0; k < rows; ++k)
-    for (Eigen::Index l = 0; l < rows; ++l)
-      covariance(k, l) +=
-          gain.row(l).dot(thermal_.col(k).tail(others)) + gain.row(k).dot(thermal_.col(l).tail(others));
-  for (Eigen::Index o = 0; o < others; ++o)
+  const Eigen::Index rows = covariance.rows();
+  covariance.setZero();
+  for (Eigen::Index seen = 0; seen < rows; ++seen)
     for (Eigen::Index l = 0; l < rows; ++l) {
-      const double reached = gain.row(l).dot(thermal_.col(rows + o).tail(others));
-      for (Eigen::Index k = 0; k < rows; ++k) covariance(k, l) += gain(k, o) * reached;
+      double reached = detector_variances_[static_cast<std::size_t>(seen / 2)] * gain(stiffness, l, seen);
+      for (Eigen::Index moved = 0; moved < rows; ++moved)
+        reached += heat(seen, moved) * gain(stiffness, l, moved);
+      for (Eigen::Index k = 0; k < rows; ++k) covariance(k, l) += gain(stiffness, k, seen) * reached;
     }
-  add_detector_noise(stiffness, covariance);
-}
-
-void MeasuredForce::add_detector_noise(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const {
-  const auto gain = [&](Eigen::Index row, Eigen::Index column) {
-    double value = stiffness(row, column);
-    if (row / 2 == column / 2) {
-      const std::complex<double> inverse = inverse_response_[static_cast<std::size_t>(row / 2)];
-      value -= row == column ? inverse.real() : row > column ? inverse.imag() : -inverse.imag();
-    }
-    return value;
-  };
-  for (Eigen::Index noise = 0; noise < covariance.cols(); ++noise) {
-    const double variance = detector_variances_[static_cast<std::size_t>(noise / 2)];
-    if (variance == 0.0) continue;
-    for (Eigen::Index l = 0; l < covariance.cols(); ++l)
-      for (Eigen::Index k = 0; k < covariance.rows(); ++k)
-        covariance(k, l) += variance * gain(k, noise) * gain(l, noise);
-  }
 }
 
 void MeasuredForce::set(std::span<const std::complex<double>> tip_nm,

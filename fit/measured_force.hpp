@@ -16,9 +16,7 @@ struct FitConditions;
 class MeasuredForce {
  public:
   // Conditions are valid and have a free response.
-  // `off_comb_hz`: further frequencies whose thermal forces reach the tones through the surface (see
-  // covariance_at()); 0 is the mean.
-  explicit MeasuredForce(const FitConditions& conditions, std::span<const double> off_comb_hz = {});
+  explicit MeasuredForce(const FitConditions& conditions);
 
   // Force phasors, nN, of these tip-deflection phasors, nm, both with their phases at the time at which those
   // of the free response are multiplied by `turns`, one a tone.
@@ -34,13 +32,11 @@ class MeasuredForce {
   const Eigen::MatrixXd& covariance() const { return covariance_; }
   // As covariance() where noise is known, else of heat at 300 K: says a search how far minima extend.
   const Eigen::MatrixXd& search_covariance() const { return search_covariance_; }
-  // The same of the difference between a model's forces and the measured ones, by what small motion and small
-  // forces do to the model's forces, rows (re, im) of every tone. Noise must be known; does not allocate.
-  // `stiffness`, rows x rows: dF_model/dd, nN/nm, by (re, im) of every tone's motion: the detector's noise is
-  // taken for motion and enters both, through `stiffness` - chi^-1. `gain`, rows x twice the frequencies off
-  // the comb: dF_model/dF by (re, im) of a force at each, in their order: what heat moves there is not
-  // measured, and not in the model.
-  void covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& gain,
+  // The same of the difference between a model's forces and the measured ones, over a surface. `stiffness`,
+  // rows x rows: dF_model/dd, nN/nm, by (re, im) of every tone's motion; `heat`: covariance of the tones'
+  // thermal motion there, nm^2 (engaged_heat.hpp). It, like the detector's noise, which is taken for motion,
+  // enters both forces, through `stiffness` - chi^-1. Noise must be known; does not allocate.
+  void covariance_at(const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& heat,
                      Eigen::MatrixXd& covariance) const;
 
   // Whether the forces are distinguishable from none: sum |F_i|^2/s_i^2 exceeds the 5-sigma quantile of chi^2
@@ -57,14 +53,13 @@ class MeasuredForce {
   double dissipated_fw() const;  // -1/2 sum w_i Im(F_i conj d_i)
 
  private:
-  void set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz,
-                      std::span<const double> off_comb_hz);
-  void add_detector_noise(const Eigen::MatrixXd& stiffness, Eigen::MatrixXd& covariance) const;
+  void set_covariance(const FitConditions& conditions, std::span<const double> frequencies_hz);
+  // What a motion seen at `column` changes of the difference at `row`.
+  double gain(const Eigen::MatrixXd& stiffness, Eigen::Index row, Eigen::Index column) const;
 
   std::vector<std::complex<double>> inverse_response_, free_nm_, tip_nm_, forces_;
   std::vector<double> angular_frequencies_, variances_, contact_variances_;
   std::vector<double> detector_variances_;  // of each quadrature of the motion, nm^2
-  Eigen::MatrixXd thermal_;                 // of tones, then frequencies off the comb
   Eigen::MatrixXd covariance_, search_covariance_;
   double contact_threshold_ = 0.0;
   bool noise_known_ = false;

@@ -33,9 +33,8 @@ void add_window_end(const Cantilever& cantilever, std::size_t index, std::span<c
       engaged_spread * std::sqrt(2.0 * boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m);
   Eigen::MatrixX2d ends(covariance.rows(), 2);  // forces of standard deviations of dq and of dv
   for (std::size_t i = 0; i < frequencies_hz.size(); ++i) {
-    const double of_mean = frequencies_hz[i] == 0.0 ? 0.5 : 1.0;  // 1/T in place of a peak phasor's 2/T
     const std::complex<double> share =
-        of_mean * mode_response(mode, frequencies_hz[i]) / tip_response(cantilever, frequencies_hz[i]) * 2.0 *
+        mode_response(mode, frequencies_hz[i]) / tip_response(cantilever, frequencies_hz[i]) * 2.0 *
         mode.stiffness_n_per_m * windows_per_s / (w_mode * w_mode) * position_nm;
     const std::complex<double> of_position =
         share * std::complex(w_mode / mode.quality_factor, 2.0 * std::numbers::pi * frequencies_hz[i]);
@@ -43,7 +42,6 @@ void add_window_end(const Cantilever& cantilever, std::size_t index, std::span<c
     const auto row = static_cast<Eigen::Index>(2 * i);
     ends.row(row) << of_position.real(), of_velocity.real();
     ends.row(row + 1) << of_position.imag(), of_velocity.imag();
-    if (frequencies_hz[i] == 0.0) ends.row(row + 1).setZero();
   }
   covariance += ends * ends.transpose();
 }
@@ -91,8 +89,7 @@ double force_quadrature_variance(const Cantilever& cantilever, const Noise& nois
 }
 
 Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span<const double> frequencies_hz,
-                                         std::size_t tones, double temperature_k, double delta_f_hz,
-                                         unsigned windows) {
+                                         double temperature_k, double delta_f_hz, unsigned windows) {
   const auto rows = static_cast<Eigen::Index>(2 * frequencies_hz.size());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(rows, rows);
   std::vector<std::size_t> measured_modes;
@@ -100,10 +97,8 @@ Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span
     const auto row = static_cast<Eigen::Index>(2 * i);
     const double variance =
         tip_force_density(cantilever, frequencies_hz[i], temperature_k) * delta_f_hz / windows;
-    const bool mean = frequencies_hz[i] == 0.0;
-    covariance(row, row) = mean ? 0.5 * variance : variance;
-    covariance(row + 1, row + 1) = mean ? 0.0 : variance;
-    if (i < tones) measured_modes.push_back(noisiest_mode(cantilever, frequencies_hz[i]));
+    covariance.diagonal().segment<2>(row).setConstant(variance);
+    measured_modes.push_back(noisiest_mode(cantilever, frequencies_hz[i]));
   }
   for (std::size_t m = 0; m < cantilever.modes.size(); ++m)
     if (std::ranges::count(measured_modes, m) > 1)

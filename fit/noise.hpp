@@ -37,8 +37,8 @@ double force_quadrature_variance(const Cantilever& cantilever, const Noise& nois
 // Detector noise at a tone, nm/sqrt(Hz).
 double detector_density(const Noise& noise, std::size_t tone);
 
-// Covariance of the thermal force phasors at these frequencies, rows (re, im) of each, nN^2; the first
-// `tones` of them are measured. Frequency 0 is the mean force, with no imaginary part.
+// Covariance of the thermal force phasors at these frequencies, rows (re, im) of each, nN^2, as far as it can
+// be told without knowing the surface (engaged_heat.hpp tells the rest).
 //
 // On the diagonal tip_force_density * Delta f / windows. Besides, a window of length T ends in another state
 // of a mode than it began in, and the change (dq, dv) of its position and velocity appears as a force
@@ -46,10 +46,9 @@ double detector_density(const Noise& noise, std::size_t tone);
 // at all frequencies alike (the equation of motion, integrated by parts against exp(-iwt)); n contiguous
 // windows are one of length nT. Added for every mode whose thermal motion is the greatest at two tones or
 // more, with standard deviations of dq and of dv/w_m of beta sqrt(2 kB T/k_m). beta = 2: an engaged tip moves
-// more than a free one, and so simulated error bars hold. Where a mode has one tone the diagonal alone is
-// what simulations show: there b counteracts the window's own forces, with which the mode ends.
+// more than a free one. Where a mode has one tone b nearly cancels against the window's own forces, with
+// which the mode ends.
 Eigen::MatrixXd thermal_force_covariance(const Cantilever& cantilever, std::span<const double> frequencies_hz,
-                                         std::size_t tones, double temperature_k, double delta_f_hz,
-                                         unsigned windows);
+                                         double temperature_k, double delta_f_hz, unsigned windows);
 
 }  // namespace combforce

@@ -30,9 +30,10 @@ class PeriodDoubling {
   // Of the motion at which the balance was linearised last.
   bool branches_off() {
     const auto strong = balance_->harmonics().strong_between();
+    const ForceGradient gradient = balance_->gradient();
     for (std::size_t column = 0; column < strong.size(); ++column)
       for (std::size_t row = 0; row < strong.size(); ++row) {
-        const auto [re, im] = balance_->coupling_between(strong[row], strong[column]);
+        const auto [re, im] = gradient.coupling_between(strong[row], strong[column]);
         const std::complex<double> chi = balance_->harmonics().response_between()[strong[row]];
         const std::complex<double> x = -chi * re, y = -chi * im;
         const auto r = static_cast<Eigen::Index>(2 * row), c = static_cast<Eigen::Index>(2 * column);

@@ -9,6 +9,7 @@
 
 #include "fit/box_least_squares.hpp"
 #include "fit/calibration_errors.hpp"
+#include "fit/engaged_heat.hpp"
 #include "fit/fitter.hpp"
 #include "fit/force_balance.hpp"
 #include "fit/harmonics.hpp"
@@ -91,7 +92,8 @@ class PixelFitter::State {
         tones_(conditions.comb.tones.size()),
         refers_(refers(conditions)),
         harmonics_(harmonics_of(conditions)),
-        measured_(refers_ ? conditions : without_motion(conditions), strong_hz(harmonics_.get())),
+        heat_(heat_of(conditions)),
+        measured_(refers_ ? conditions : without_motion(conditions)),
         balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         fitter_(fitter_of(conditions.settings)),
         weights_(weights_of(conditions, measured_)),
@@ -147,8 +149,8 @@ class PixelFitter::State {
 
   std::unique_ptr<Fitter> fitter_of(const FitSettings& settings) {
     const std::vector<Bounds> bounds = bounds_of(settings);
-    const FitterSetup setup{balance_,         tones_,          bounds,
-                            harmonics_.get(), settings.refine, settings.profile_intervals};
+    const FitterSetup setup{
+        balance_, tones_, bounds, harmonics_.get(), heat_.get(), settings.refine, settings.profile_intervals};
     return visit_model(*model_, [&](auto type) { return make_fitter<decltype(type)>(setup); });
   }
 
@@ -179,12 +181,10 @@ class PixelFitter::State {
     return std::make_unique<Harmonics>(conditions.comb, conditions.cantilever, spacing_hz(conditions), band);
   }
 
-  static std::vector<double> strong_hz(const Harmonics* harmonics) {
-    std::vector<double> frequencies_hz;
-    if (harmonics != nullptr)
-      for (const std::size_t n : harmonics->strong())
-        frequencies_hz.push_back(static_cast<double>(n) * harmonics->spacing_hz());
-    return frequencies_hz;
+  std::unique_ptr<EngagedHeat> heat_of(const FitConditions& conditions) const {
+    if (!harmonics_ || !conditions.noise) return nullptr;
+    return std::make_unique<EngagedHeat>(*harmonics_, conditions.cantilever, conditions.noise->temperature_k,
+                                         conditions.windows);
   }
 
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
@@ -214,6 +214,7 @@ class PixelFitter::State {
   std::size_t tones_;
   bool refers_;
   std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
+  std::unique_ptr<EngagedHeat> heat_;     // null: so is that, or noise is not known
   MeasuredForce measured_;
   ForceBalance balance_;
   std::unique_ptr<Fitter> fitter_;

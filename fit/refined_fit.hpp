@@ -13,6 +13,7 @@
 #include <span>
 #include <vector>
 
+#include "fit/engaged_heat.hpp"
 #include "fit/fit_result.hpp"
 #include "fit/harmonic_balance.hpp"
 #include "fit/loosened_balance.hpp"
@@ -31,9 +32,11 @@ class RefinedFit {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  // `most`: iterations from each start, at least 1. `harmonics` outlives the fit.
-  RefinedFit(const Harmonics& harmonics, std::uint32_t most, bool profile_intervals)
+  // `most`: iterations from each start, at least 1. `harmonics`, and `heat` where noise is known (else null),
+  // outlive the fit.
+  RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, std::uint32_t most, bool profile_intervals)
       : profile_intervals_(profile_intervals),
+        heat_(heat),
         balance_(harmonics),
         fit_(balance_),
         loosened_(balance_),
@@ -43,7 +46,7 @@ class RefinedFit {
         jacobian_(rows_, Model::parameters),
         shift_(rows_),
         stiffness_(rows_, rows_),
-        gain_(rows_, static_cast<Eigen::Index>(2 * harmonics.strong().size())),
+        thermal_(rows_, rows_),
         covariance_(rows_, rows_),
         root_(rows_, rows_),
         best_root_(rows_, rows_),
@@ -59,6 +62,7 @@ class RefinedFit {
     result = unfitted(FitStatus::not_converged, Model::parameters);
     balance_.set_bounds(bounds);
     balance_.set_measured(tones, measured.phasors());
+    known_count_ = 0;
     Solution best, other;
     for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
     for (const Parameters& start : further)
@@ -118,15 +122,18 @@ class RefinedFit {
     balance_.set_whitening(whitening.root);
     Solution solution = fit_.solve(start, quadrature_level, most_);
     result.iterations += solution.iterations;
-    if (solution.converged && measured.noise_known() && whiten_at_solution(measured)) {
-      solution = fit_.solve(solution.p, quadrature_level, most_);
-      result.iterations += solution.iterations;
+    if (solution.converged && heat_ != nullptr) {
+      if (is_known(solution.p)) return;
+      if (whiten_at_solution(measured)) {
+        solution = fit_.solve(solution.p, quadrature_level, most_);
+        result.iterations += solution.iterations;
+      }
     }
     if (!better(solution, best)) {
-      if (solution.converged && !same(solution, best) && solution.cost < other.cost) other = solution;
+      if (solution.converged && !same(solution.p, best.p) && solution.cost < other.cost) other = solution;
       return;
     }
-    if (best.converged && !same(solution, best)) other = best;
+    if (best.converged && !same(solution.p, best.p)) other = best;
     best = solution;
     jacobian_ = fit_.jacobian();
     best_root_ = balance_.whitening();
@@ -135,14 +142,21 @@ class RefinedFit {
     estimate_quadrature_error(best, result);
   }
 
-  // What noise does depends on how the surface answers: to the motion that the detector feigns, and to what
-  // heat does off the comb.
+  // Whether another start has led here: what follows takes as long as all before it. Remembers it if not.
+  bool is_known(const Parameters& p) {
+    const auto known = std::span(known_).first(std::min(known_count_, known_.size()));
+    if (std::ranges::any_of(known, [&](const Parameters& other) { return same(p, other); })) return true;
+    known_[known_count_++ % known_.size()] = p;
+    return false;
+  }
+
+  // What noise does depends on how the surface answers.
   bool whiten_at_solution(const MeasuredForce& measured) {
     fit_.stiffness_at_tones(stiffness_);
-    fit_.gain_at_tones(gain_);
-    measured.covariance_at(stiffness_, gain_, covariance_);
+    heat_->covariance(balance_.gradient(), thermal_);
+    measured.covariance_at(stiffness_, thermal_, covariance_);
     factor_.compute(covariance_);
-    if (factor_.info() != Eigen::Success) return false;
+    if (factor_.info() != Eigen::Success || !covariance_.allFinite()) return false;
     root_ = factor_.matrixL();
     balance_.set_whitening(root_);
     return true;
@@ -210,9 +224,9 @@ class RefinedFit {
   static bool better(const Solution& a, const Solution& b) {
     return a.converged != b.converged ? a.converged : a.cost < b.cost;
   }
-  static bool same(const Solution& a, const Solution& b) {
+  static bool same(const Parameters& a, const Parameters& b) {
     for (std::size_t k = 0; k < Model::parameters; ++k)
-      if (!(std::abs(a.p[k] - b.p[k]) <= (k == 0 ? same_nm : same_share * std::abs(b.p[k])))) return false;
+      if (!(std::abs(a[k] - b[k]) <= (k == 0 ? same_nm : same_share * std::abs(b[k])))) return false;
     return true;
   }
   static std::array<bool, max_parameters> fixed(const Solution& solution) {
@@ -244,6 +258,7 @@ class RefinedFit {
   }
 
   bool profile_intervals_;
+  EngagedHeat* heat_;
   HarmonicBalance<Model> balance_;
   SelfConsistentFit<Model> fit_;
   LoosenedBalance<Model> loosened_;
@@ -252,11 +267,14 @@ class RefinedFit {
   Eigen::Index rows_;
   Eigen::MatrixXd jacobian_;  // whitened, of the best solution
   Eigen::VectorXd shift_;
-  Eigen::MatrixXd stiffness_, gain_, covariance_, root_, best_root_;
+  Eigen::MatrixXd stiffness_, thermal_, covariance_, root_, best_root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;
   bool lasting_ = true;  // of the best solution
+  // Where starts led of late, by the whitening that does not know the surface.
+  std::array<Parameters, 8> known_{};
+  std::size_t known_count_ = 0;
 };
 
 }  // namespace combforce

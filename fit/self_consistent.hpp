@@ -8,8 +8,8 @@
 //
 // Gauss-Newton on p and o together. With G the spectrum of F'(d(t)), a change of motion changes the force at
 // n by sum_m G_(n-m) o_m + conjugate part, so the constraint linearised is (1 - chi G) do = chi dF/dp dp +
-// rho. It is solved densely for the bins that couple most strongly (greatest |chi|: sidebands of the soft
-// modes) and by substitution elsewhere. Plain substitution alone diverges for stiff contacts and low
+// rho. It is solved densely for the bins that couple most strongly (sidebands of the modes, above all of soft
+// ones) and by substitution elsewhere. Plain substitution alone diverges for stiff contacts and low
 // set-points.
 #pragma once
 
@@ -129,32 +129,16 @@ class SelfConsistentFit {
       }
     }
     balance_->couple(tones, tones, derivative);
+    const ForceGradient gradient = balance_->gradient();
     for (Eigen::Index column = 0; column < rows_; ++column) {
       solved_ = factor_.solve(response_.col(column));
       for (std::size_t i = 0; i < tones.size(); ++i)
         for (std::size_t s = 0; s < strong.size(); ++s) {
-          const auto [re, im] = balance_->coupling(tones[i], strong[s]);
+          const auto [re, im] = gradient.coupling(tones[i], strong[s]);
           const Complex change = re * solved_(index(2 * s)) + im * solved_(index(2 * s + 1));
           derivative(index(2 * i), column) += change.real();
           derivative(index(2 * i + 1), column) += change.imag();
         }
-    }
-  }
-
-  // Of the last solution, when it converged: dF_model/dF at the tones, by (re, im) of a force at every strong
-  // harmonic off the comb, the motion following at these. rows x twice as many as these.
-  void gain_at_tones(Eigen::MatrixXd& gain) {
-    const auto& strong = harmonics_->strong();
-    balance_->couple(harmonics_->tones(), strong, gain);
-    for (Eigen::Index row = 0; row < rows_; ++row) {
-      right_ = gain.row(row);
-      solve_transposed();
-      for (std::size_t s = 0; s < strong.size(); ++s) {
-        const Complex chi = harmonics_->response()[strong[s]];
-        const double re = solved_(index(2 * s)), im = solved_(index(2 * s + 1));
-        gain(row, index(2 * s)) = re * chi.real() + im * chi.imag();
-        gain(row, index(2 * s + 1)) = im * chi.real() - re * chi.imag();
-      }
     }
   }
 
@@ -232,20 +216,13 @@ class SelfConsistentFit {
     out[0] = out[0].real();
   }
 
-  // solved_: what factor_'s matrix, transposed, takes to right_. Eigen's own allocates.
-  void solve_transposed() {
-    factor_.matrixLU().template triangularView<Eigen::Upper>().transpose().solveInPlace(right_);
-    factor_.matrixLU().template triangularView<Eigen::UnitLower>().transpose().solveInPlace(right_);
-    const auto& order = factor_.permutationP().indices();
-    for (Eigen::Index i = 0; i < unknowns_; ++i) solved_(i) = right_(order(i));
-  }
-
   void factorize() {
     const auto& strong = harmonics_->strong();
     const auto& chi = harmonics_->response();
+    const ForceGradient gradient = balance_->gradient();
     for (std::size_t column = 0; column < strong.size(); ++column)
       for (std::size_t row = 0; row < strong.size(); ++row) {
-        const auto [re, im] = balance_->coupling(strong[row], strong[column]);
+        const auto [re, im] = gradient.coupling(strong[row], strong[column]);
         const Complex x = -chi[strong[row]] * re, y = -chi[strong[row]] * im;
         const double one = row == column ? 1.0 : 0.0;
         matrix_(index(2 * row), index(2 * column)) = one + x.real();
@@ -259,6 +236,7 @@ class SelfConsistentFit {
   // Residuals at the tones after the motion's step, and their total derivatives.
   void project() {
     const Spectrum& motion = balance_->motion();
+    const ForceGradient gradient = balance_->gradient();
     for (std::size_t i = 0; i < harmonics_->tones().size(); ++i) {
       const std::size_t tone = harmonics_->tones()[i];
       Complex residual = balance_->residual(i);
@@ -266,7 +244,7 @@ class SelfConsistentFit {
       for (std::size_t k = 0; k < count; ++k) slopes[k] = balance_->derivative(k)[tone];
       for (std::size_t n = 0; n < motion.size(); ++n) {
         if (harmonics_->is_tone(n)) continue;
-        const auto [re, im] = balance_->coupling(tone, n);
+        const auto [re, im] = gradient.coupling(tone, n);
         const Complex step = current_.base[n] - motion[n];
         residual += re * step.real() + im * step.imag();
         for (std::size_t k = 0; k < count; ++k)

@@ -8,7 +8,6 @@
 #include <limits>
 #include <numbers>
 #include <random>
-#include <span>
 #include <vector>
 
 #include "fit/hertz.hpp"
@@ -46,17 +45,15 @@ Complex phasor_of_decay(const Mode& mode, double q, double v, double w, double t
 TEST(ThermalForceCovariance, WindowEndIsTheForceThatAFreeDecaySeemsToFeel) {
   const Cantilever cantilever{{{117e3, 212.0, 4.0, 1.0}}};
   const Mode& mode = cantilever.modes[0];
-  const std::vector<double> frequencies_hz{115e3, 116.5e3, 117e3, 119e3, 0.0};
+  const std::vector<double> frequencies_hz{115e3, 116.5e3, 117e3, 119e3};
   const double window_s = 2e-3, temperature_k = 300.0, w_mode = 2.0 * std::numbers::pi * mode.frequency_hz;
-  Eigen::MatrixXd forces(10, 2);
+  Eigen::MatrixXd forces(8, 2);
   Eigen::Matrix2d changes;
   for (Eigen::Index decay = 0; decay < 2; ++decay)
-    for (std::size_t i = 0; i < 5; ++i) {
+    for (std::size_t i = 0; i < 4; ++i) {
       const double q = decay == 0 ? 1.0 : 0.0, v = decay == 0 ? 0.0 : w_mode;
       double q_end = 0.0, v_end = 0.0;
-      const double of_mean = frequencies_hz[i] == 0.0 ? 0.5 : 1.0;  // half of (2/T) times the integral
       const Complex force =
-          of_mean *
           phasor_of_decay(mode, q, v, 2.0 * std::numbers::pi * frequencies_hz[i], window_s, q_end, v_end) /
           tip_response(cantilever, frequencies_hz[i]);
       forces(static_cast<Eigen::Index>(2 * i), decay) = force.real();
@@ -69,20 +66,19 @@ TEST(ThermalForceCovariance, WindowEndIsTheForceThatAFreeDecaySeemsToFeel) {
   Eigen::MatrixXd expected = of_unit * of_unit.transpose();
   for (Eigen::Index i = 0; i < 8; ++i)
     expected(i, i) += thermal_force_density(mode, temperature_k) / window_s;
-  expected(8, 8) += 0.5 * thermal_force_density(mode, temperature_k) / window_s;
-  const Eigen::MatrixXd covariance = thermal_force_covariance(
-      cantilever, frequencies_hz, frequencies_hz.size(), temperature_k, 1.0 / window_s, 1);
+  const Eigen::MatrixXd covariance =
+      thermal_force_covariance(cantilever, frequencies_hz, temperature_k, 1.0 / window_s, 1);
   EXPECT_LT((covariance - expected).norm(), 1e-9 * expected.norm());
   // Contiguous windows are one longer window: the ends' share falls as its square, the rest as its length.
-  const Eigen::MatrixXd longer = thermal_force_covariance(cantilever, frequencies_hz, frequencies_hz.size(),
-                                                          temperature_k, 1.0 / window_s, 4);
+  const Eigen::MatrixXd longer =
+      thermal_force_covariance(cantilever, frequencies_hz, temperature_k, 1.0 / window_s, 4);
   EXPECT_NEAR(longer(0, 4), covariance(0, 4) / 16.0, 1e-9 * covariance(0, 4));
 }
 
 TEST(ThermalForceCovariance, IsDiagonalWithOneToneAMode) {
   const std::vector<double> frequencies_hz{117e3, 674e3, 1758e3, 3235e3};
   const Eigen::MatrixXd covariance =
-      thermal_force_covariance(paper_cantilever(), frequencies_hz, frequencies_hz.size(), 300.0, 500.0, 1);
+      thermal_force_covariance(paper_cantilever(), frequencies_hz, 300.0, 500.0, 1);
   for (Eigen::Index i = 0; i < 8; ++i) {
     const double variance =
         500.0 * tip_force_density(paper_cantilever(), frequencies_hz[static_cast<std::size_t>(i / 2)], 300.0);
@@ -115,28 +111,6 @@ class HertzBalance {
     fit_.stiffness_at_tones(derivative);
     return derivative;
   }
-  Eigen::MatrixXd gain() {
-    Eigen::MatrixXd gain(8, static_cast<Eigen::Index>(2 * strong().size()));
-    fit_.gain_at_tones(gain);
-    return gain;
-  }
-  std::span<const std::size_t> strong() const { return harmonics_.strong(); }
-
-  // As forces(), under a further force at a harmonic off the comb; by substitution, which converges here.
-  Eigen::VectorXd forces_under(std::size_t harmonic, Complex force_nn) {
-    for (int round = 0; round < 60; ++round) {
-      balance_.evaluate({-40.0, 1.0}, 1);
-      for (std::size_t n = 0; n < balance_.motion().size(); ++n)
-        balance_.motion()[n] =
-            harmonics_.response()[n] * (balance_.force()[n] + (n == harmonic ? force_nn : 0.0));
-    }
-    Eigen::VectorXd forces(8);
-    for (std::size_t i = 0; i < 4; ++i) {
-      const Complex force = balance_.force()[harmonics_.tones()[i]];
-      forces.segment<2>(static_cast<Eigen::Index>(2 * i)) << force.real(), force.imag();
-    }
-    return forces;
-  }
 
  private:
   std::vector<std::uint64_t> bins_{232, 234, 236, 1348};
@@ -165,42 +139,27 @@ TEST(StiffnessAtTones, IsTheDerivativeOfTheModelsForces) {
   EXPECT_LT((stiffness - expected).norm(), 2e-2 * expected.norm());
 }
 
-// What heat does off the comb reaches the tones through the surface.
-TEST(GainAtTones, IsTheDerivativeOfTheModelsForces) {
-  HertzBalance balance;
-  balance.forces({{0.3, -0.2}, {2.0, -36.0}, {-0.1, 0.4}, {1.0, -8.5}});
-  const Eigen::MatrixXd gain = balance.gain();
-  ASSERT_GE(balance.strong().size(), 20U);
-  const double step_nn = 1e-4;
-  Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(8, 40);
-  for (Eigen::Index column = 0; column < expected.cols(); ++column) {
-    const std::size_t harmonic = balance.strong()[static_cast<std::size_t>(column / 2)];
-    if (harmonic == 0 && column % 2 == 1) continue;  // a mean force has no phase
-    const Complex step = column % 2 == 1 ? Complex(0.0, step_nn) : Complex(step_nn, 0.0);
-    expected.col(column) =
-        (balance.forces_under(harmonic, step) - balance.forces_under(harmonic, -step)) / (2.0 * step_nn);
-  }
-  // As above.
-  EXPECT_LT((gain.leftCols(40) - expected).norm(), 2e-2 * expected.norm());
-}
-
-// By its definition, with dense products.
-TEST(MeasuredForce, CovarianceTakesHeatOffTheCombThroughTheGain) {
-  const std::vector<double> off_comb_hz{0.0, 116e3, 118e3};
+// By its definition, with dense products: a motion seen of the tip pulls at it by the model, and by chi^-1.
+TEST(MeasuredForce, CovarianceOverASurfaceTakesMotionThroughBothForces) {
   FitConditions conditions = paper_conditions("hertz", {232, 234}, Phasors(2));
-  conditions.noise = Noise{300.0, {0.0}};
-  const MeasuredForce measured(conditions, off_comb_hz);
-  std::vector<double> all_hz{232 * paper_delta_f_hz, 234 * paper_delta_f_hz};
-  all_hz.insert(all_hz.end(), off_comb_hz.begin(), off_comb_hz.end());
-  const Eigen::MatrixXd heat =
-      thermal_force_covariance(conditions.cantilever, all_hz, 2, 300.0, paper_delta_f_hz, conditions.windows);
-  Eigen::MatrixXd gain(4, 6), all = Eigen::MatrixXd::Identity(4, 10), covariance(4, 4);
+  conditions.noise = Noise{300.0, {2e-3, 1e-3}};
+  const MeasuredForce measured(conditions);
+  Eigen::MatrixXd stiffness(4, 4), root(4, 4), covariance(4, 4);
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
-  for (double& value : gain.reshaped()) value = normal(random);
-  all.rightCols(6) = gain;
-  measured.covariance_at(Eigen::MatrixXd::Zero(4, 4), gain, covariance);
-  const Eigen::MatrixXd expected = all * heat * all.transpose();
+  for (double& value : stiffness.reshaped()) value = normal(random);
+  for (double& value : root.reshaped()) value = 0.1 * normal(random);
+  const Eigen::MatrixXd heat = root * root.transpose();
+  measured.covariance_at(stiffness, heat, covariance);
+  Eigen::MatrixXd seen = heat, gain = stiffness;
+  seen.diagonal() += paper_delta_f_hz * Eigen::Vector4d(4e-6, 4e-6, 1e-6, 1e-6);
+  for (Eigen::Index tone = 0; tone < 2; ++tone) {
+    const Complex inverse =
+        1.0 / tip_response(conditions.cantilever, paper_delta_f_hz * (tone == 0 ? 232.0 : 234.0));
+    gain.block<2, 2>(2 * tone, 2 * tone) -=
+        (Eigen::Matrix2d() << inverse.real(), -inverse.imag(), inverse.imag(), inverse.real()).finished();
+  }
+  const Eigen::MatrixXd expected = gain * seen * gain.transpose();
   EXPECT_LT((covariance - expected).norm(), 1e-12 * expected.norm());
 }
 
