@@ -29,7 +29,7 @@ struct DesignCommand {
   std::string config, model;
   std::vector<double> parameters;
   double sample_rate_hz = 0.0;
-  std::uint32_t tones = 6, reach = 10;
+  std::uint32_t tones = 6;
   bool json = false;
 };
 
@@ -159,7 +159,7 @@ void print_text(const TypicalPixel& pixel, const ToneAdvice& advice, double delt
                                          100.0 * step.std_errors[k] / advice.std_errors[k]));
   }
   fmt::print("\n");
-  if (advice.steps.empty()) fmt::print("\nNo further tone this near to the comb's helps.\n");
+  if (advice.steps.empty()) fmt::print("\nNo other bin moves.\n");
 }
 
 Json named(const std::vector<double>& values, const ModelInfo& model) {
@@ -197,10 +197,9 @@ std::string model_error(const std::string& name) {
 int run_design(const DesignCommand& options) {
   const TypicalPixel pixel = pixel_of(options);
   Progress progress;
-  const ToneAdvice advice =
-      advise_tones(pixel, options.tones, options.reach, [&](std::size_t done, std::size_t all) {
-        if (progress.due()) progress.show(fmt::format("comb {} of {}", done, all));
-      });
+  const ToneAdvice advice = advise_tones(pixel, options.tones, [&](std::size_t done, std::size_t all) {
+    if (progress.due()) progress.show(fmt::format("fit {} of {}", done, all));
+  });
   progress.clear();
   const double delta_f_hz =
       pixel.conditions.sample_rate_hz / static_cast<double>(pixel.conditions.comb.window_samples);
@@ -232,9 +231,6 @@ void add_drive(CLI::App& app, Command& command) {
   design->add_option("--tones", options->tones, "how many to add")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
-  design->add_option("--reach", options->reach, "bins from the comb's tones where they may lie")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
   design->add_flag("--json", options->json, "as JSON");
   design->callback([options, &command] { command = [options] { return run_design(*options); }; });
 }

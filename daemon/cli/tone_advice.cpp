@@ -4,16 +4,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
-#include <memory>
 #include <mutex>
 #include <numbers>
-#include <numeric>
+#include <span>
 #include <stdexcept>
 #include <utility>
 
 #include "daemon/cli/parallel.hpp"
+#include "daemon/cli/tone_information.hpp"
 #include "drivers/simulated/steady_state.hpp"
+#include "dsp/fourier.hpp"
 #include "proto/pixel_message.hpp"
 
 namespace combforce {
@@ -29,28 +31,13 @@ constexpr double settled_relaxations = 12.0;  // of the slowest mode
 constexpr double most_windows = 1000.0, most_finer = 1000.0;
 constexpr std::uint32_t further_windows = 30;  // waited for slower motion
 constexpr double came_back = 0.01;             // relative, and nm of the surface position
+constexpr double hardly_known = 30.0;          // standard errors of the comb: adds 0.1 % to what it tells
 
 double delta_f_hz(const FitConditions& conditions) {
   return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
 }
 
-std::vector<std::uint64_t> candidates(const Comb& comb, std::uint64_t reach) {
-  std::uint64_t divisor = 0;
-  for (const Tone& tone : comb.tones)
-    if (tone.driven) divisor = std::gcd(divisor, tone.bin);
-  std::vector<std::uint64_t> bins;
-  for (const Tone& tone : comb.tones)
-    for (std::uint64_t bin = tone.bin > reach ? tone.bin - reach : 1; bin <= tone.bin + reach; ++bin)
-      if (bin % divisor == 0 && 2 * bin < comb.window_samples) bins.push_back(bin);
-  std::ranges::sort(bins);
-  bins.erase(std::ranges::unique(bins).begin(), bins.end());
-  std::erase_if(bins, [&](std::uint64_t bin) {
-    return std::ranges::find(comb.tones, bin, &Tone::bin) != comb.tones.end();
-  });
-  return bins;
-}
-
-SteadyStateSettings motion_of(const TypicalPixel& pixel, const std::vector<std::uint64_t>& bins) {
+SteadyStateSettings motion_of(const TypicalPixel& pixel) {
   const FitConditions& conditions = pixel.conditions;
   double fastest_hz = 0.0, relaxation_s = 0.0;
   for (const Mode& mode : conditions.cantilever.modes) {
@@ -76,33 +63,37 @@ SteadyStateSettings motion_of(const TypicalPixel& pixel, const std::vector<std::
   settings.oscillator.accuracy = IntegratorAccuracy::accurate;
   settings.model = conditions.settings.model;
   settings.parameters = pixel.parameters;
-  settings.bins = bins;
+  for (const Tone& tone : conditions.comb.tones) settings.bins.push_back(tone.bin);
   settings.settle_windows = static_cast<std::uint32_t>(windows);
   return settings;
 }
 
-Phasors settled_tones(const TypicalPixel& pixel, const std::vector<std::uint64_t>& bins) {
-  SteadyStateSettings settings = motion_of(pixel, bins);
+// Of the tip, over a window.
+std::vector<double> settled_motion(const TypicalPixel& pixel) {
+  SteadyStateSettings settings = motion_of(pixel);
   const std::uint32_t least = settings.settle_windows;
   for (const std::uint32_t windows : {least, least + further_windows}) {
     settings.settle_windows = windows;
+    settings.keep_motion = false;
     const Phasors before = simulate_steady_state(settings).tip_nm;
     settings.settle_windows = windows + 1;
-    Phasors after = simulate_steady_state(settings).tip_nm;
+    settings.keep_motion = true;
+    SteadyState after = simulate_steady_state(settings);
     double moved = 0.0;
-    for (std::size_t i = 0; i < after.size(); ++i) moved = std::max(moved, std::abs(after[i] - before[i]));
-    if (moved < settled_nm) return after;
+    for (std::size_t i = 0; i < before.size(); ++i)
+      moved = std::max(moved, std::abs(after.tip_nm[i] - before[i]));
+    if (moved < settled_nm) return std::move(after.tip_motion_nm);
   }
   throw std::invalid_argument("parameters: the motion over this surface does not settle; choose others");
 }
 
-// The tones of every bin that may be measured, and how well a comb of some of them tells the parameters.
+// How well fits of the comb with further tones tell the parameters.
 class Judge {
  public:
-  Judge(const TypicalPixel& pixel, std::vector<std::uint64_t> bins)
-      : pixel_(pixel), bins_(std::move(bins)), tones_(settled_tones(pixel, bins_)) {}
+  // `motion`: phasors of all bins. Both outlive it.
+  Judge(const TypicalPixel& pixel, const Phasors& motion) : pixel_(pixel), motion_(motion) {}
 
-  FitResult fit(const std::vector<std::uint64_t>& added) const {
+  FitResult fit(std::span<const std::uint64_t> added) const {
     FitConditions conditions = pixel_.conditions;
     FreeResponse free;
     Phasors tones;
@@ -110,15 +101,13 @@ class Judge {
     for (const std::uint64_t bin : added) {
       conditions.comb.tones.push_back({bin, false});
       if (conditions.noise->detector_nm_per_sqrt_hz.size() > 1)
-        conditions.noise->detector_nm_per_sqrt_hz.push_back(
-            conditions.noise->detector_nm_per_sqrt_hz[nearest_tone(bin)]);
+        conditions.noise->detector_nm_per_sqrt_hz.push_back(detector_density_near(pixel_.conditions, bin));
     }
     for (const Tone& tone : conditions.comb.tones) {
       const double hz = delta_f_hz(conditions) * static_cast<double>(tone.bin);
       free.mean_nm.push_back(
           tone.driven ? tip_response(conditions.cantilever, hz) * pixel_.drive_forces_nn[driven++] : 0.0);
-      tones.push_back(
-          tones_[static_cast<std::size_t>(std::ranges::lower_bound(bins_, tone.bin) - bins_.begin())]);
+      tones.push_back(motion_[tone.bin]);
     }
     conditions.free_response = free;
     PixelFitter fitter(conditions);
@@ -128,17 +117,8 @@ class Judge {
   }
 
  private:
-  std::size_t nearest_tone(std::uint64_t bin) const {
-    const auto distance = [bin](const Tone& tone) {
-      return tone.bin > bin ? tone.bin - bin : bin - tone.bin;
-    };
-    const std::vector<Tone>& tones = pixel_.conditions.comb.tones;
-    return static_cast<std::size_t>(std::ranges::min_element(tones, {}, distance) - tones.begin());
-  }
-
   const TypicalPixel& pixel_;
-  std::vector<std::uint64_t> bins_;  // ascending
-  Phasors tones_;
+  const Phasors& motion_;
 };
 
 std::vector<double> errors_of(const FitResult& fit) {
@@ -167,24 +147,96 @@ void check(const TypicalPixel& pixel) {
                                             pixel.parameters.size(), conditions.settings.model));
 }
 
-// Logarithm of the product of the errors; infinite where one is not known, or the fit went elsewhere.
-double score(const FitResult& fit, const std::vector<double>& truth) {
-  double sum = 0.0;
-  for (std::size_t k = 0; k < truth.size(); ++k) sum += std::log(fit.std_errors[k]);
-  return comes_back(fit, truth) && std::isfinite(sum) ? sum : std::numeric_limits<double>::infinity();
-}
+// The choice of tones to first order in the noise.
+class Choice {
+ public:
+  // `errors`: of the comb.
+  Choice(const ToneInformation& information, const std::vector<double>& errors)
+      : information_(information), errors_(errors) {}
+
+  // Best first; without these.
+  std::vector<std::uint64_t> best(std::size_t count, const std::vector<std::uint64_t>& barred) const {
+    std::vector<std::uint64_t> chosen = barred;  // is not chosen again
+    const auto added = [&] { return std::span(chosen).subspan(barred.size()); };
+    count = std::min(count, information_.candidates().size() - barred.size());
+    double least = 0.0;
+    while (added().size() < count) {
+      const Found found = best_beside(chosen, knowledge_of(added()));
+      chosen.push_back(found.bin);
+      least = found.score;
+    }
+    for (bool better = true; better;) {
+      better = false;
+      for (std::uint64_t& bin : added()) {
+        std::vector<std::uint64_t> rest;
+        std::ranges::copy_if(added(), std::back_inserter(rest),
+                             [&](std::uint64_t other) { return other != bin; });
+        const Found found = best_beside(chosen, knowledge_of(rest));
+        if (!(found.score < exchanged * least)) continue;
+        bin = found.bin;
+        least = found.score;
+        better = true;
+      }
+    }
+    return ordered({added().begin(), added().end()});
+  }
+
+ private:
+  struct Found {
+    std::uint64_t bin = 0;
+    double score = std::numeric_limits<double>::infinity();
+  };
+  static constexpr double exchanged = 0.9999;  // of the score: an end to exchanges
+
+  ToneInformation::Knowledge knowledge_of(std::span<const std::uint64_t> added) const {
+    ToneInformation::Knowledge knowledge = information_.of_comb();
+    for (const std::uint64_t bin : added) information_.measure(bin, knowledge);
+    return knowledge;
+  }
+
+  double score(std::uint64_t bin, const ToneInformation::Knowledge& knowledge) const {
+    const Eigen::VectorXd variances = information_.variances_with(bin, knowledge);
+    double sum = 0.0;
+    for (std::size_t k = 0; k < errors_.size(); ++k)
+      sum += variances(static_cast<Eigen::Index>(k)) / (errors_[k] * errors_[k]);
+    return sum;
+  }
+
+  Found best_of(std::span<const std::uint64_t> bins, const ToneInformation::Knowledge& knowledge) const {
+    Found best;
+    for (const std::uint64_t bin : bins)
+      if (const double sum = score(bin, knowledge); sum < best.score) best = {bin, sum};
+    return best;
+  }
+  Found best_beside(const std::vector<std::uint64_t>& chosen,
+                    const ToneInformation::Knowledge& knowledge) const {
+    std::vector<std::uint64_t> left;
+    std::ranges::copy_if(information_.candidates(), std::back_inserter(left),
+                         [&](std::uint64_t bin) { return std::ranges::find(chosen, bin) == chosen.end(); });
+    return best_of(left, knowledge);
+  }
+
+  std::vector<std::uint64_t> ordered(std::vector<std::uint64_t> bins) const {
+    std::vector<std::uint64_t> order;
+    while (!bins.empty()) {
+      order.push_back(best_of(bins, knowledge_of(order)).bin);
+      std::erase(bins, order.back());
+    }
+    return order;
+  }
+
+  const ToneInformation& information_;
+  std::vector<double> errors_;
+};
 
 }  // namespace
 
-ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint64_t reach,
+ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones,
                         const std::function<void(std::size_t, std::size_t)>& progress) {
   check(pixel);
-  std::vector<std::uint64_t> left = candidates(pixel.conditions.comb, reach), bins = left;
-  for (const Tone& tone : pixel.conditions.comb.tones) bins.push_back(tone.bin);
-  std::ranges::sort(bins);
-  const Judge judge(pixel, bins);
-
-  ToneAdvice advice;
+  const std::vector<double> motion_nm = settled_motion(pixel);
+  const Phasors motion = spectrum_of(motion_nm);
+  const Judge judge(pixel, motion);
   const FitResult now = judge.fit({});
   if (now.status == FitStatus::no_contact)
     throw std::invalid_argument("parameters: the tip does not touch this surface");
@@ -193,38 +245,38 @@ ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint6
         fmt::format("parameters: a fit of this comb does not come back to them from exact tones (status {}); "
                     "choose others",
                     to_string(now.status)));
-  double least = score(now, pixel.parameters);
-  if (!std::isfinite(least))
+  ToneAdvice advice;
+  advice.std_errors = errors_of(now);
+  if (!std::ranges::all_of(advice.std_errors, [](double error) { return std::isfinite(error); }))
     throw std::invalid_argument(fmt::format("comb: does not determine all parameters of {} (status {})",
                                             pixel.conditions.settings.model, to_string(now.status)));
-  advice.std_errors = errors_of(now);
 
-  std::vector<std::uint64_t> added;
-  std::size_t tried = 0, to_try = 0;
-  for (std::size_t i = 0; i < std::min(tones, left.size()); ++i) to_try += left.size() - i;
-  std::mutex progress_mutex;
-  while (added.size() < tones && !left.empty()) {
-    std::vector<FitResult> fits(left.size());
-    parallel_for(left.size(), [&] {
+  std::vector<double> known;
+  for (const double error : advice.std_errors) known.push_back(hardly_known * error);
+  const ToneInformation information(pixel.conditions, pixel.parameters, known, motion_nm);
+  const Choice choice(information, advice.std_errors);
+  std::vector<std::uint64_t> barred;  // a fit with them goes elsewhere
+  for (;;) {
+    const std::vector<std::uint64_t> added = choice.best(tones, barred);
+    std::vector<FitResult> fits(added.size());
+    std::size_t done = 0;
+    std::mutex progress_mutex;
+    parallel_for(fits.size(), [&] {
       return [&](std::size_t i) {
-        std::vector<std::uint64_t> with = added;
-        with.push_back(left[i]);
-        fits[i] = judge.fit(with);
+        fits[i] = judge.fit(std::span(added).first(i + 1));
         const std::lock_guard lock(progress_mutex);
-        ++tried;
-        if (progress) progress(tried, to_try);
+        if (progress) progress(++done, fits.size());
       };
     });
-    std::size_t best = 0;
-    for (std::size_t i = 1; i < fits.size(); ++i)
-      if (score(fits[i], pixel.parameters) < score(fits[best], pixel.parameters)) best = i;
-    if (!(score(fits[best], pixel.parameters) < least)) break;
-    least = score(fits[best], pixel.parameters);
-    added.push_back(left[best]);
-    advice.steps.push_back({left[best], errors_of(fits[best])});
-    left.erase(left.begin() + static_cast<std::ptrdiff_t>(best));
+    const auto astray =
+        std::ranges::find_if(fits, [&](const FitResult& fit) { return !comes_back(fit, pixel.parameters); });
+    if (astray != fits.end()) {
+      barred.push_back(added[static_cast<std::size_t>(astray - fits.begin())]);
+      continue;
+    }
+    for (std::size_t i = 0; i < added.size(); ++i) advice.steps.push_back({added[i], errors_of(fits[i])});
+    return advice;
   }
-  return advice;
 }
 
 }  // namespace combforce

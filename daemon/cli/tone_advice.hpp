@@ -29,18 +29,18 @@ struct ToneAdvice {
   std::vector<Step> steps;         // best first
 };
 
-// Simulates the pixel's settled motion and adds to the comb, one after the other, the tone that lowers the
-// product of the refined fit's standard errors most; a single error may rise. Candidates lie up to `reach`
-// bins from a tone of the comb, on multiples of the greatest common divisor of the driven bins: elsewhere
-// nothing moves. Stops early when no tone helps any more. Detector noise given for every tone holds for the
-// candidates nearest to it.
+// Simulates the pixel's settled motion and adds to the comb the tones that lower the sum of squares of the
+// refined fit's standard errors, each relative to that of the comb, most (A-optimal design): the best one
+// after the other, then one in exchange for another as long as that helps. They are chosen to first order in
+// the noise (tone_information.hpp); the errors told are those of fits. Detector noise given for every tone
+// holds for the candidates nearest to it.
 //
 // Runs on all cores; the same advice on any number of them. `progress` is called from several threads, one at
-// a time, with the combs tried so far and how many there are to try at most; may be empty. Throws
-// std::invalid_argument saying what is wrong with the pixel: its drive or noise are none, it takes too long
-// to settle or does not, the tip does not touch, the comb has fewer numbers than the model parameters, or a
-// fit of the exact tones does not come back.
-ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones, std::uint64_t reach,
+// a time, with the fits done so far and how many there are to do; may be empty. Throws std::invalid_argument
+// saying what is wrong with the pixel: its drive or noise are none, it takes too long to settle or does not,
+// the tip does not touch, the comb has fewer numbers than the model parameters, or a fit of the exact tones
+// does not come back.
+ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones,
                         const std::function<void(std::size_t, std::size_t)>& progress = {});
 
 }  // namespace combforce
