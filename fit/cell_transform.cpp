@@ -39,8 +39,8 @@ CellTransform::CellTransform(std::size_t highest_tone, std::size_t band)
 
 FftwPlan CellTransform::forward_plan(std::size_t orders) {
   const int size = static_cast<int>(cells_), many = static_cast<int>(orders);
-  return FftwPlan(fftw_plan_many_dft_r2c(1, &size, many, in_time_.get(), nullptr, many, 1, in_frequency_.get(),
-                                     nullptr, many, 1, FFTW_ESTIMATE));
+  return FftwPlan(fftw_plan_many_dft_r2c(1, &size, many, in_time_.get(), nullptr, many, 1,
+                                         in_frequency_.get(), nullptr, many, 1, FFTW_ESTIMATE));
 }
 
 void CellTransform::to_polynomials(std::span<const std::complex<double>> spectrum,

@@ -46,10 +46,10 @@ class CellTransform {
   FftwPlan forward_plan(std::size_t orders);
 
   std::size_t band_, cells_;
-  std::vector<Motion::Polynomial> expansion_;         // a harmonic: even k the real part, odd k the imaginary
-  std::vector<std::complex<double>> half_step_;       // exp(i theta_n)
+  std::vector<Motion::Polynomial> expansion_;    // a harmonic: even k the real part, odd k the imaginary
+  std::vector<std::complex<double>> half_step_;  // exp(i theta_n)
   FftwReals in_time_;                            // cells x order
-  FftwComplexes in_frequency_;  // (cells/2 + 1) x order
+  FftwComplexes in_frequency_;                   // (cells/2 + 1) x order
   FftwPlan inverse_, forward_, forward_low_;
 };
 

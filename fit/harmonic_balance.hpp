@@ -126,9 +126,7 @@ class HarmonicBalance {
   }
 
   // How changes of the motion change the force. After linearize().
-  ForceGradient gradient() const {
-    return {derivatives_[0], damping_, harmonics_->angular_frequency(1)};
-  }
+  ForceGradient gradient() const { return {derivatives_[0], damping_, harmonics_->angular_frequency(1)}; }
   // What changes of the motion at the harmonics `columns` do to the forces at `rows`, (re, im) each.
   void couple(std::span<const std::size_t> rows, std::span<const std::size_t> columns,
               Eigen::MatrixXd& matrix) const {
