@@ -4,7 +4,6 @@
 // one residual) says how many of them a whole fit costs; the ratio carries over to another machine better
 // than the rate.
 #include <benchmark/benchmark.h>
-#include <fftw3.h>
 
 #include <algorithm>
 #include <chrono>
@@ -12,9 +11,9 @@
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <type_traits>
 #include <vector>
 
+#include "dsp/fftw.hpp"
 #include "tests/unit/fit/random_pixel.hpp"
 
 namespace combforce::test {
@@ -54,14 +53,10 @@ class PaperResidual {
 
  private:
   static constexpr int samples = 400'000;
-  struct Free {
-    void operator()(double* memory) const { fftw_free(memory); }
-    void operator()(fftw_plan plan) const { fftw_destroy_plan(plan); }
-  };
   std::vector<double> d_;
-  std::unique_ptr<double, Free> force_{fftw_alloc_real(samples)};
+  FftwReals force_{fftw_alloc_real(samples)};
   std::vector<std::complex<double>> phasors_;
-  std::unique_ptr<std::remove_pointer_t<fftw_plan>, Free> plan_;
+  FftwPlan plan_;
 };
 
 double paper_residual_seconds() {
