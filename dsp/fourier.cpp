@@ -1,9 +1,20 @@
 #include "dsp/fourier.hpp"
 
+#include <fmt/format.h>
+
+#include <limits>
+#include <stdexcept>
+
 #include "dsp/fftw.hpp"
 
 namespace combforce {
 namespace {
+
+int fftw_size(std::size_t samples) {
+  if (samples > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    throw std::invalid_argument(fmt::format("signal: {} samples, must be at most 2^31 - 1", samples));
+  return static_cast<int>(samples);
+}
 
 template <typename Make>
 FftwPlan make_plan(const Make& make) {
@@ -20,9 +31,8 @@ fftw_complex* as_fftw(std::vector<std::complex<double>>& values) {
 std::vector<std::complex<double>> spectrum_of(std::span<const double> signal) {
   std::vector<double> in(signal.begin(), signal.end());
   std::vector<std::complex<double>> out(in.size() / 2 + 1);
-  const FftwPlan plan = make_plan([&] {
-    return fftw_plan_dft_r2c_1d(static_cast<int>(in.size()), in.data(), as_fftw(out), FFTW_ESTIMATE);
-  });
+  const FftwPlan plan = make_plan(
+      [&] { return fftw_plan_dft_r2c_1d(fftw_size(in.size()), in.data(), as_fftw(out), FFTW_ESTIMATE); });
   fftw_execute(plan.get());
   const double scale = 2.0 / static_cast<double>(in.size());
   for (std::complex<double>& phasor : out) phasor *= scale;
@@ -35,9 +45,8 @@ std::vector<double> signal_of(std::span<const std::complex<double>> spectrum) {
   std::vector<std::complex<double>> in(spectrum.begin(), spectrum.end());
   for (std::size_t k = 1; k + 1 < in.size(); ++k) in[k] *= 0.5;
   std::vector<double> out(2 * (in.size() - 1));
-  const FftwPlan plan = make_plan([&] {
-    return fftw_plan_dft_c2r_1d(static_cast<int>(out.size()), as_fftw(in), out.data(), FFTW_ESTIMATE);
-  });
+  const FftwPlan plan = make_plan(
+      [&] { return fftw_plan_dft_c2r_1d(fftw_size(out.size()), as_fftw(in), out.data(), FFTW_ESTIMATE); });
   fftw_execute(plan.get());
   return out;
 }

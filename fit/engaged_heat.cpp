@@ -3,59 +3,80 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <cstdlib>
 #include <numbers>
+#include <utility>
 
 #include "fit/noise.hpp"
 
 namespace combforce {
 namespace {
 
+// Beyond so many lobes of the window little of a tone's thermal motion comes from.
+constexpr double far_lobes = 8.0;
+constexpr std::size_t few_far = 4;
+
 struct Node {
   double at, weight;
 };
 
-// Gauss's points on (0, 1/2) for the weight sinc^2(periods x) (Golub, Welsch 1969, Math. Comp. 23, 221; the
-// recurrence by Stieltjes' procedure on a fine grid).
-std::vector<Node> gauss_points(std::size_t count, double periods) {
-  constexpr double grid_of_lobe = 64.0, coarsest_grid = 4096.0;
-  const auto size = static_cast<Eigen::Index>(std::max(coarsest_grid, grid_of_lobe * periods));
-  const Eigen::ArrayXd x = (Eigen::ArrayXd::LinSpaced(size, 0.0, static_cast<double>(size - 1)) + 0.5) *
-                           (0.5 / static_cast<double>(size));
-  const Eigen::ArrayXd argument = std::numbers::pi * periods * x;
-  const Eigen::ArrayXd weight = (argument.sin() / argument).square() * (0.5 / static_cast<double>(size));
+// sinc^2 in lobes of the window, and its mean beyond so many that a grid need not tell one from the next.
+double weight_at(double lobes) {
+  constexpr double told_apart = 64.0;
+  const double argument = std::numbers::pi * lobes;
+  const double sine = lobes < told_apart ? std::sin(argument) : std::numbers::sqrt2 / 2.0;
+  return sine * sine / (argument * argument);
+}
+
+// Gauss's points on (from, to) for that weight (Golub, Welsch 1969, Math. Comp. 23, 221; the recurrence by
+// Stieltjes' procedure on a fine grid).
+void add_gauss_points(double from, double to, std::size_t count, std::vector<Node>& nodes) {
+  constexpr Eigen::Index size = 4096;
+  const double step = (to - from) / static_cast<double>(size);
+  const Eigen::ArrayXd x =
+      from + step * (Eigen::ArrayXd::LinSpaced(size, 0.0, static_cast<double>(size - 1)) + 0.5);
+  const Eigen::ArrayXd weight = step * x.unaryExpr(&weight_at);
   const auto order = static_cast<Eigen::Index>(count);
   Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(order, order);
   Eigen::ArrayXd before = Eigen::ArrayXd::Zero(size), polynomial = Eigen::ArrayXd::Ones(size);
   double norm_before = 1.0;
   for (Eigen::Index k = 0; k < order; ++k) {
     const double norm = (weight * polynomial.square()).sum();
+    const double ratio = k > 0 ? norm / norm_before : 0.0;
     jacobi(k, k) = (weight * x * polynomial.square()).sum() / norm;
-    const double ratio = norm / norm_before;
     if (k > 0) jacobi(k, k - 1) = jacobi(k - 1, k) = std::sqrt(ratio);
-    const Eigen::ArrayXd next = (x - jacobi(k, k)) * polynomial - (k > 0 ? ratio : 0.0) * before;
+    const Eigen::ArrayXd next = (x - jacobi(k, k)) * polynomial - ratio * before;
     before = polynomial;
     polynomial = next;
     norm_before = norm;
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(jacobi);
-  std::vector<Node> nodes;
   for (Eigen::Index k = 0; k < order; ++k)
     nodes.push_back({solver.eigenvalues()(k), weight.sum() * std::pow(solver.eigenvectors()(0, k), 2)});
-  return nodes;
 }
 
-// Gauss's n points miss rho^-2n of a function with poles as far from its interval as a mode's half width, rho
-// being the sum of the half axes of the ellipse through these with foci at the interval's ends.
-std::size_t points_for(const Cantilever& cantilever, double spacing_hz) {
-  constexpr double missed = 0.01, fewest = 3.0, most = 16.0;
-  double points = fewest;
-  for (const Mode& mode : cantilever.modes) {
-    const double distance = 2.0 * mode.frequency_hz / (mode.quality_factor * spacing_hz);  // of a quarter
-    points = std::max(points, std::ceil(0.5 * std::log(1.0 / missed) / std::asinh(distance)));
+// n points miss rho^-2n of a function with poles so far from the middle of their interval, rho being the sum
+// of the half axes of the ellipse through these with foci at the interval's ends.
+double points_needed(double half_length, double distance) {
+  constexpr double missed = 0.01;
+  return std::ceil(0.5 * std::log(1.0 / missed) / std::asinh(distance / half_length));
+}
+
+// On (0, end), in lobes, for functions with poles half a `width` from there. One interval where few points
+// do, otherwise one a lobe, a pair of lobes and so on.
+std::vector<Node> points_for(double end, double width) {
+  constexpr double fewest = 3.0, most_of_one = 8.0, most = 32.0;
+  const auto count = [&](double length) {
+    return static_cast<std::size_t>(std::clamp(points_needed(0.5 * length, 0.5 * width), fewest, most));
+  };
+  std::vector<Node> nodes;
+  if (end <= 1.0 || points_needed(0.5 * end, 0.5 * width) <= most_of_one) {
+    add_gauss_points(0.0, end, count(end), nodes);
+    return nodes;
   }
-  return static_cast<std::size_t>(std::min(points, most));
+  for (double from = 0.0, to = 1.0; from < end; from = to, to = std::min(2.0 * to, end))
+    add_gauss_points(from, to, to > far_lobes ? std::min(count(to - from), few_far) : count(to - from),
+                     nodes);
+  return nodes;
 }
 
 }  // namespace
@@ -69,8 +90,13 @@ EngagedHeat::EngagedHeat(const Harmonics& harmonics, const Cantilever& cantileve
     }
   const auto size = static_cast<Eigen::Index>(harmonics_.size());
   const auto tones = static_cast<Eigen::Index>(harmonics.tones().size());
-  const double periods = static_cast<double>(harmonics.periods()) * windows;
-  for (const auto& [offset, weight] : gauss_points(points_for(cantilever, harmonics.spacing_hz()), periods)) {
+  // Lobes of the window in a spacing of the harmonics, and in a mode's width.
+  const double lobes = static_cast<double>(harmonics.periods()) * windows;
+  double width = lobes;
+  for (const Mode& mode : cantilever.modes)
+    width = std::min(width, lobes * mode.frequency_hz / (mode.quality_factor * harmonics.spacing_hz()));
+  for (const auto& [at, weight] : points_for(0.5 * lobes, width)) {
+    const double offset = at / lobes;
     Point point{offset, Eigen::VectorXcd(size), Eigen::VectorXd(size), Eigen::MatrixXd(size, tones),
                 Eigen::MatrixXd(size, tones)};
     for (Eigen::Index i = 0; i < size; ++i) {
@@ -78,8 +104,8 @@ EngagedHeat::EngagedHeat(const Harmonics& harmonics, const Cantilever& cantileve
       const double frequency_hz = std::abs(n) * harmonics.spacing_hz();
       const std::complex<double> stiffness = 1.0 / tip_response(cantilever, frequency_hz);
       point.stiffness(i) = n < 0.0 ? std::conj(stiffness) : stiffness;
-      point.heat(i) =
-          2.0 * weight * harmonics.spacing_hz() * tip_force_density(cantilever, frequency_hz, temperature_k);
+      point.heat(i) = 2.0 * weight / lobes * harmonics.spacing_hz() *
+                      tip_force_density(cantilever, frequency_hz, temperature_k);
       for (Eigen::Index tone = 0; tone < tones; ++tone) {
         const auto c = static_cast<double>(harmonics.tones()[static_cast<std::size_t>(tone)]);
         point.at_tones(i, tone) = offset / (n - c);

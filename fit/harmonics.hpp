@@ -41,8 +41,8 @@ class Harmonics {
   // chi, nm/nN, of harmonics 0 … band.
   const std::vector<std::complex<double>>& response() const { return response_; }
 
-  // Off the comb, the harmonics that heat moves most, greatest first: they couple most strongly, and what
-  // they do reaches the tones.
+  // Off the comb, the harmonics with the greatest |chi|, greatest first: they couple most strongly, and what
+  // heat does there reaches the tones.
   std::span<const std::size_t> strong() const { return strong_; }
 
   // Half a spacing above the harmonics, where a motion of twice the period has its own: chi, of 0 … band, and

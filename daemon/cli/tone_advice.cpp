@@ -33,10 +33,6 @@ constexpr std::uint32_t further_windows = 30;  // waited for slower motion
 constexpr double came_back = 0.01;             // relative, and nm of the surface position
 constexpr double hardly_known = 30.0;          // standard errors of the comb: adds 0.1 % to what it tells
 
-double delta_f_hz(const FitConditions& conditions) {
-  return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
-}
-
 SteadyStateSettings motion_of(const TypicalPixel& pixel) {
   const FitConditions& conditions = pixel.conditions;
   double fastest_hz = 0.0, relaxation_s = 0.0;
@@ -44,12 +40,14 @@ SteadyStateSettings motion_of(const TypicalPixel& pixel) {
     fastest_hz = std::max(fastest_hz, mode.frequency_hz);
     relaxation_s = std::max(relaxation_s, mode.quality_factor / (std::numbers::pi * mode.frequency_hz));
   }
-  const double finer = std::ceil(std::max(1.0, oversampling * fastest_hz / conditions.sample_rate_hz));
+  // Even: spectra are of even numbers of samples.
+  const double finer =
+      2.0 * std::ceil(std::max(1.0, 0.5 * oversampling * fastest_hz / conditions.sample_rate_hz));
   if (!(finer <= most_finer))
     throw std::invalid_argument(fmt::format("sample rate: {} Hz, must be at least {} Hz for a mode at {} Hz",
                                             conditions.sample_rate_hz, oversampling / most_finer * fastest_hz,
                                             fastest_hz));
-  const double windows = std::ceil(settled_relaxations * relaxation_s * delta_f_hz(conditions));
+  const double windows = std::ceil(settled_relaxations * relaxation_s * bin_hz(conditions));
   if (!(windows <= most_windows))
     throw std::invalid_argument(fmt::format(
         "cantilever: rings for {} windows of the comb, must be at most {}", windows, most_windows));
@@ -104,7 +102,7 @@ class Judge {
         conditions.noise->detector_nm_per_sqrt_hz.push_back(detector_density_near(pixel_.conditions, bin));
     }
     for (const Tone& tone : conditions.comb.tones) {
-      const double hz = delta_f_hz(conditions) * static_cast<double>(tone.bin);
+      const double hz = bin_hz(conditions) * static_cast<double>(tone.bin);
       free.mean_nm.push_back(
           tone.driven ? tip_response(conditions.cantilever, hz) * pixel_.drive_forces_nn[driven++] : 0.0);
       tones.push_back(motion_[tone.bin]);
@@ -162,6 +160,8 @@ class Choice {
     double least = 0.0;
     while (added().size() < count) {
       const Found found = best_beside(chosen, knowledge_of(added()));
+      if (!std::isfinite(found.score))
+        throw std::invalid_argument("parameters: the motion over this surface is at the edge of stability");
       chosen.push_back(found.bin);
       least = found.score;
     }
@@ -268,12 +268,10 @@ ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones,
         if (progress) progress(++done, fits.size());
       };
     });
-    const auto astray =
-        std::ranges::find_if(fits, [&](const FitResult& fit) { return !comes_back(fit, pixel.parameters); });
-    if (astray != fits.end()) {
-      barred.push_back(added[static_cast<std::size_t>(astray - fits.begin())]);
-      continue;
-    }
+    const std::size_t before = barred.size();
+    for (std::size_t i = 0; i < added.size(); ++i)
+      if (!comes_back(fits[i], pixel.parameters)) barred.push_back(added[i]);
+    if (barred.size() > before) continue;
     for (std::size_t i = 0; i < added.size(); ++i) advice.steps.push_back({added[i], errors_of(fits[i])});
     return advice;
   }

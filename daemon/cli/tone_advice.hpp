@@ -35,11 +35,11 @@ struct ToneAdvice {
 // the noise (tone_information.hpp); the errors told are those of fits. Detector noise given for every tone
 // holds for the candidates nearest to it.
 //
-// Runs on all cores; the same advice on any number of them. `progress` is called from several threads, one at
-// a time, with the fits done so far and how many there are to do; may be empty. Throws std::invalid_argument
-// saying what is wrong with the pixel: its drive or noise are none, it takes too long to settle or does not,
-// the tip does not touch, the comb has fewer numbers than the model parameters, or a fit of the exact tones
-// does not come back.
+// Fits run on all cores; the same advice on any number of them. `progress` is called from several threads,
+// one at a time, with the fits done of this choice and how many it has (another choice follows where a fit
+// goes astray); may be empty. Throws std::invalid_argument saying what is wrong with the pixel: its drive or
+// noise are none, it takes too long to settle or does not, the tip does not touch, the comb has fewer numbers
+// than the model parameters, or a fit of the exact tones does not come back.
 ToneAdvice advise_tones(const TypicalPixel& pixel, std::size_t tones,
                         const std::function<void(std::size_t, std::size_t)>& progress = {});
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <functional>
 #include <numbers>
 #include <numeric>
 
@@ -20,17 +21,14 @@ using Phasors = std::vector<Complex>;
 
 constexpr double resolved = 1e-5;  // of the greatest tone
 constexpr std::size_t most_candidates = 300;
-// A tip crosses a well of some angstroms in 10 ns.
-constexpr double longest_step_s = 2e-9;
+// Between samples of the motion, far less than a well of some angstroms is wide; and how many there may be.
+constexpr double longest_way_nm = 0.05;
+constexpr std::size_t most_samples = std::size_t{1} << 22;
 // Of finite differences: far above rounding, far below where derivatives change.
-constexpr double step_nm = 1e-4, relative_step = 1e-5;
+constexpr double surface_step_nm = 1e-4, relative_step = 1e-5;
 
 Eigen::Index index(std::size_t i) {
   return static_cast<Eigen::Index>(i);
-}
-
-double delta_f_hz(const FitConditions& conditions) {
-  return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
 }
 
 std::vector<std::uint64_t> candidates_of(const Comb& comb, std::span<const Complex> motion) {
@@ -62,12 +60,17 @@ struct Derivatives {
 
 Derivatives differentiate(const ModelInfo& model, std::span<const double> parameters, Phasors motion,
                           double period_s) {
-  while (period_s > longest_step_s * 2.0 * static_cast<double>(motion.size() - 1))
-    motion.resize(2 * motion.size() - 1);
-  const std::vector<double> deflection = signal_of(motion);
-  for (std::size_t n = 0; n < motion.size(); ++n)
-    motion[n] *= Complex(0.0, 2.0 * std::numbers::pi / period_s * static_cast<double>(n));
-  const std::vector<double> velocity = signal_of(motion);
+  Phasors rate = motion;
+  double fastest_nm_per_s = 0.0;
+  for (std::size_t n = 0; n < motion.size(); ++n) {
+    rate[n] *= Complex(0.0, 2.0 * std::numbers::pi / period_s * static_cast<double>(n));
+    fastest_nm_per_s += std::abs(rate[n]);
+  }
+  const double samples =
+      std::min(static_cast<double>(most_samples), period_s * fastest_nm_per_s / longest_way_nm);
+  while (2.0 * static_cast<double>(motion.size() - 1) < samples) motion.resize(2 * motion.size() - 1);
+  rate.resize(motion.size());
+  const std::vector<double> deflection = signal_of(motion), velocity = signal_of(rate);
 
   const auto difference = [&](const auto& force, double step) {
     std::vector<double> slope(deflection.size());
@@ -82,12 +85,13 @@ Derivatives differentiate(const ModelInfo& model, std::span<const double> parame
       p[k] = parameters[k] + change;
       return model_force(model, p, deflection[i], velocity[i]);
     };
-    result.by_parameter.push_back(difference(force, k == 0 ? step_nm : relative_step * std::abs(p[k])));
+    result.by_parameter.push_back(
+        difference(force, k == 0 ? surface_step_nm : relative_step * std::abs(p[k])));
   }
   const auto force = [&](std::size_t i, double change) {
     return model_force(model, parameters, deflection[i], velocity[i] + change);
   };
-  result.by_velocity = difference(force, relative_step * std::ranges::max(velocity));
+  result.by_velocity = difference(force, relative_step * fastest_nm_per_s);
   return result;
 }
 
@@ -108,7 +112,8 @@ Eigen::MatrixXd motion_by_parameters(const Cantilever& cantilever, const Derivat
         (Eigen::Matrix2d() << stiffness.real(), -stiffness.imag(), stiffness.imag(), stiffness.real())
             .finished();
     for (std::size_t k = 0; k < derivatives.by_parameter.size(); ++k) {
-      const Complex slope = derivatives.by_parameter[k][harmonics[j]];
+      const Phasors& by_parameter = derivatives.by_parameter[k];
+      const Complex slope = harmonics[j] < by_parameter.size() ? by_parameter[harmonics[j]] : 0.0;
       forces.col(index(k)).segment<2>(index(2 * j)) << slope.real(), slope.imag();
     }
   }
@@ -116,6 +121,10 @@ Eigen::MatrixXd motion_by_parameters(const Cantilever& cantilever, const Derivat
 }
 
 }  // namespace
+
+double bin_hz(const FitConditions& conditions) {
+  return conditions.sample_rate_hz / static_cast<double>(conditions.comb.window_samples);
+}
 
 double detector_density_near(const FitConditions& conditions, std::uint64_t bin) {
   const std::vector<Tone>& tones = conditions.comb.tones;
@@ -127,7 +136,7 @@ double detector_density_near(const FitConditions& conditions, std::uint64_t bin)
 ToneInformation::ToneInformation(const FitConditions& conditions, std::span<const double> parameters,
                                  std::span<const double> known, std::span<const double> motion_nm)
     : conditions_(conditions), parameters_(index(parameters.size())) {
-  const double spacing_hz = delta_f_hz(conditions);
+  const double spacing_hz = bin_hz(conditions);
   const Phasors motion = spectrum_of(motion_nm);
   candidates_ = candidates_of(conditions.comb, motion);
   Comb wide = conditions.comb;
@@ -166,7 +175,7 @@ Eigen::Index ToneInformation::row_of(std::uint64_t bin) const {
 
 double ToneInformation::detector_variance(std::uint64_t bin) const {
   const double density = detector_density_near(conditions_, bin);
-  return density * density * delta_f_hz(conditions_) / conditions_.windows;
+  return density * density * bin_hz(conditions_) / conditions_.windows;
 }
 
 void ToneInformation::measure(std::uint64_t bin, Knowledge& knowledge) const {

@@ -49,6 +49,9 @@ class ToneInformation {
   Knowledge of_comb_;
 };
 
+// Delta f.
+double bin_hz(const FitConditions& conditions);
+
 // Detector noise at a bin: that of the tone of the comb nearest to it, nm/sqrt(Hz).
 double detector_density_near(const FitConditions& conditions, std::uint64_t bin);
 

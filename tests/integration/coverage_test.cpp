@@ -42,7 +42,7 @@ INSTANTIATE_TEST_SUITE_P(Coverage, Efficient,
                          testing::Values("hertz_2tone_equal_energy", "hertz_4tone_equal_energy",
                                          "dmt_4tone_equal_energy"));
 
-// They are those that `combforce drive design` adds.
+// They are those that `combforce drive design` adds, which leave .24 .15 .24 .45 of the errors.
 TEST(Coverage, SidebandsSharpenAndTheIntervalsCover) {
   const CoverageCase &with = find("dmt_4tone_equal_energy_sidebands"),
                      &without = find("dmt_4tone_equal_energy");

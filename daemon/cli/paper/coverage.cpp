@@ -136,7 +136,7 @@ std::span<const CoverageCase> coverage_cases() {
       {"hertz_4tone_equal_energy", "Hertz, 4 tones, equal energy", "hertz_4tone_equal_energy", {}, 1, 2000},
       {"dmt_4tone_equal_energy", "DMT, 4 tones, equal energy", "dmt_4tone_equal_energy", {}, 1, 2000},
       {"dmt_4tone_equal_energy_sidebands",
-       "DMT, 4 tones, equal energy, 6 sidebands",
+       "DMT, 4 tones, equal energy, 6 products more",
        "dmt_4tone_equal_energy",
        {80, 112, 116, 174, 232, 412},
        1,

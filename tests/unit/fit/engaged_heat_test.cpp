@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "fit/units.hpp"
+#include "tests/support/failing_allocator.hpp"
 
 namespace combforce::test {
 namespace {
@@ -18,11 +19,12 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr double temperature_k = 300.0;
-const std::vector<std::uint64_t> bins{16, 20, 22, 26};
+const std::vector<std::uint64_t> neighbours{16, 20, 22, 26}, overtones{20, 40, 60, 80};
 
 // A spring between tip and surface, N/m, and what it loses, nN s/nm: the mean, and what comes and goes with
 // a harmonic of the window.
 struct Spring {
+  std::vector<std::uint64_t> bins = neighbours;
   double quality_factor = 15.0;  // of the mode; it rings for a quarter of a window of 1 s
   double mean = 0.0, damping = 0.0;
   std::size_t harmonic = 0;
@@ -39,7 +41,7 @@ struct Spring {
 // where it repeats.
 Eigen::MatrixXd covariance_in_time(const Spring& spring, unsigned windows) {
   using State = Eigen::Matrix<double, 10, 10>;
-  constexpr double steps = 1000.0;  // 50 a period of the mode
+  constexpr double steps = 2000.0;  // 25 a period of the fastest tone
   const Mode mode = spring.mode();
   const int settle_windows = static_cast<int>(spring.quality_factor / 5.0);  // 25 relaxations of the energy
   const double w0 = 2.0 * std::numbers::pi * mode.frequency_hz;
@@ -50,10 +52,10 @@ Eigen::MatrixXd covariance_in_time(const Spring& spring, unsigned windows) {
     a(0, 1) = 1.0;
     a(1, 0) = -(mode.stiffness_n_per_m + Spring::at(spring.mean, spring.stiffness, phase)) / mass;
     a(1, 1) = -(friction + Spring::at(spring.damping, spring.friction, phase)) / mass;
-    for (std::size_t i = 0; i < bins.size(); ++i) {
+    for (std::size_t i = 0; i < 4; ++i) {
       const auto row = static_cast<Eigen::Index>(2 + 2 * i);
       const Complex turn =
-          2.0 / windows * std::polar(1.0, -2.0 * std::numbers::pi * static_cast<double>(bins[i]) * t);
+          2.0 / windows * std::polar(1.0, -2.0 * std::numbers::pi * static_cast<double>(spring.bins[i]) * t);
       a(row, 0) = turn.real();
       a(row + 1, 0) = turn.imag();
     }
@@ -82,7 +84,7 @@ Eigen::MatrixXd covariance_of(const Spring& spring, unsigned windows) {
   const Cantilever cantilever{{spring.mode()}};
   Comb comb;
   comb.window_samples = 1000;
-  for (const std::uint64_t bin : bins) comb.tones.push_back({bin, true});
+  for (const std::uint64_t bin : spring.bins) comb.tones.push_back({bin, true});
   const Harmonics harmonics(comb, cantilever, 1.0);
   // dF/dp0 = -dF/dd is the spring's stiffness, dF/d(velocity) minus its friction.
   std::vector<Complex> by_surface(8), by_velocity(8);
@@ -99,7 +101,7 @@ Eigen::MatrixXd covariance_of(const Spring& spring, unsigned windows) {
 }
 
 // Largest difference, in units of standard deviations' products.
-double worst(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& expected) {
+double largest_difference(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& expected) {
   const Eigen::VectorXd scale = expected.diagonal().cwiseSqrt().cwiseInverse();
   return (scale.asDiagonal() * (covariance - expected) * scale.asDiagonal()).cwiseAbs().maxCoeff();
 }
@@ -109,23 +111,48 @@ class EngagedTip : public testing::TestWithParam<Spring> {};
 // The quadrature is made for 1 %.
 TEST_P(EngagedTip, HasTheThermalMotionOfItsEquationOfMotion) {
   for (const unsigned windows : {1U, 3U})
-    EXPECT_LT(worst(covariance_of(GetParam(), windows), covariance_in_time(GetParam(), windows)), 0.01)
+    EXPECT_LT(largest_difference(covariance_of(GetParam(), windows), covariance_in_time(GetParam(), windows)),
+              0.01)
         << windows;
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Springs, EngagedTip,
-    testing::Values(Spring{},  // free
-                    Spring{.mean = 1.0}, Spring{.mean = 0.5, .damping = 0.004},
-                    Spring{.mean = 0.6, .harmonic = 4, .stiffness = {0.3, 0.4}},
-                    Spring{.mean = 0.6,
-                           .damping = 0.004,
-                           .harmonic = 2,
-                           .stiffness = {0.3, -0.2},
-                           .friction = {0.002, 0.001}},
-                    // Rings for a window, and for two.
-                    Spring{.quality_factor = 60.0}, Spring{.quality_factor = 120.0},
-                    Spring{.quality_factor = 60.0, .mean = 0.6, .harmonic = 4, .stiffness = {0.3, 0.4}}));
+TEST(EngagedHeat, DoesNotAllocateForManyTonesEither) {
+  COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
+  Comb comb;
+  comb.window_samples = 100'000;
+  for (std::uint64_t bin = 200; bin < 264; ++bin) comb.tones.push_back({bin, true});
+  const Cantilever cantilever{{{231.0, 15.0, 2.0, 1.0}}};
+  const Harmonics harmonics(comb, cantilever, 1.0);
+  EngagedHeat heat(harmonics, cantilever, temperature_k, 1);
+  const std::vector<Complex> by_surface{0.3, 0.1};
+  Eigen::MatrixXd covariance(128, 128);
+  std::size_t allocations = 0;
+  {
+    const ForbidAllocation guard;
+    heat.covariance({by_surface, {}, harmonics.angular_frequency(1)}, covariance);
+    allocations = guard.calls();
+  }
+  EXPECT_EQ(allocations, 0U);
+  EXPECT_GT(covariance.diagonal().minCoeff(), 0.0);
+}
+
+const Spring coming_and_going{.quality_factor = 60.0, .mean = 0.6, .harmonic = 4, .stiffness = {0.3, 0.4}},
+    viscous{
+        .mean = 0.6, .damping = 0.004, .harmonic = 2, .stiffness = {0.3, -0.2}, .friction = {0.002, 0.001}},
+    once_a_period{
+        .bins = overtones, .quality_factor = 60.0, .mean = 0.3, .harmonic = 20, .stiffness = {0.1, 0.2}};
+
+INSTANTIATE_TEST_SUITE_P(Free, EngagedTip,
+                         testing::Values(Spring{}, Spring{.quality_factor = 60.0},
+                                         Spring{.quality_factor = 120.0},  // rings for two windows
+                                         Spring{.bins = overtones},
+                                         Spring{.bins = overtones, .quality_factor = 60.0}));
+INSTANTIATE_TEST_SUITE_P(OnASpring, EngagedTip,
+                         testing::Values(Spring{.mean = 1.0}, Spring{.mean = 0.5, .damping = 0.004},
+                                         Spring{.bins = overtones, .mean = 0.1},
+                                         Spring{.bins = overtones, .quality_factor = 60.0, .mean = 0.3}));
+INSTANTIATE_TEST_SUITE_P(OnASpringThatChanges, EngagedTip,
+                         testing::Values(coming_and_going, viscous, once_a_period));
 
 }  // namespace
 }  // namespace combforce::test
