@@ -8,6 +8,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <ostream>
 #include <vector>
 
 #include "fit/units.hpp"
@@ -31,6 +32,10 @@ struct Spring {
   Complex stiffness = 0.0, friction = 0.0;
 
   Mode mode() const { return {20.3, quality_factor, 2.0, 1.0}; }
+  friend std::ostream& operator<<(std::ostream& out, const Spring& spring) {
+    return out << "bin " << spring.bins[0] << ", Q " << spring.quality_factor << ", spring " << spring.mean
+               << " + " << spring.stiffness << ", friction " << spring.damping << " + " << spring.friction;
+  }
   static double at(double mean, Complex phasor, double phase) {
     return mean + (phasor * std::polar(1.0, phase)).real();
   }
