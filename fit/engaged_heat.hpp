@@ -7,9 +7,10 @@
 //
 // with G the spectrum of dF/dd along the motion. A window of n_w T, itself g n_w periods of W, sees all of it
 // at a tone c with the weights sinc(g n_w (n - c + w/W)): so motion that does not repeat after a window,
-// which leaks from one tone to all others, is counted as what it is. The force is white over a mode's width,
-// and the integral over w takes few points: Gauss's for the weight sinc^2, so many that 1 % or less of the
-// variance of the sharpest mode is left.
+// which leaks from one tone to all others, is counted as what it is. The integral over w takes few points:
+// Gauss's for the weight sinc^2, so many that 1 % or less of the variance of the sharpest mode is left as
+// long as it rings for no more than four windows. Sharper modes are told the worse the longer they ring; but
+// where they do, pixels have not settled.
 //
 // Without a surface this is the thermal motion of the free cantilever.
 #pragma once
