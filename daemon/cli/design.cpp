@@ -17,6 +17,7 @@
 #include "daemon/cli/number_checks.hpp"
 #include "daemon/cli/progress.hpp"
 #include "daemon/cli/tone_advice.hpp"
+#include "daemon/cli/tone_information.hpp"
 #include "fit/force_model.hpp"
 #include "proto/json.hpp"
 
@@ -201,8 +202,7 @@ int run_design(const DesignCommand& options) {
     if (progress.due()) progress.show(fmt::format("fit {} of {}", done, all));
   });
   progress.clear();
-  const double delta_f_hz =
-      pixel.conditions.sample_rate_hz / static_cast<double>(pixel.conditions.comb.window_samples);
+  const double delta_f_hz = bin_hz(pixel.conditions);
   (options.json ? print_json : print_text)(pixel, advice, delta_f_hz);
   return exit_done;
 }

@@ -20,7 +20,7 @@ struct CoverageCase {
   std::string_view key;                  // in JSON and in names of files
   std::string_view label;                // for people
   std::string_view paper_case;           // key of the case whose drive, model and truth these are (cases.hpp)
-  std::vector<std::uint64_t> sidebands;  // and other products: bins measured besides the drive's
+  std::vector<std::uint64_t> sidebands;  // bins measured besides the drive's: products of intermodulation
   unsigned windows;                      // contiguous ones averaged in a pixel
   std::size_t pixels;                    // drawn by the whole study
 };
