@@ -83,7 +83,7 @@ std::vector<Node> points_for(double end, double width) {
 
 EngagedHeat::EngagedHeat(const Harmonics& harmonics, const Cantilever& cantilever, double temperature_k,
                          unsigned windows) {
-  for (const auto& list : {harmonics.tones(), harmonics.strong()})
+  for (const auto& list : {harmonics.tones(), harmonics.warm()})
     for (const std::size_t n : list) {
       harmonics_.push_back(static_cast<std::ptrdiff_t>(n));
       if (n > 0) harmonics_.push_back(-static_cast<std::ptrdiff_t>(n));

@@ -35,7 +35,7 @@ class EngagedHeat {
               unsigned windows);
 
   // Covariance of the tones' phasors, rows (re, im) of each, nm^2, the window beginning at time 0. The motion
-  // off the comb follows at the harmonics' strong ones.
+  // off the comb follows at the harmonics' warm ones.
   void covariance(const ForceGradient& gradient, Eigen::MatrixXd& covariance);
 
  private:

@@ -3,14 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <utility>
+
+#include "fit/noise.hpp"
 
 namespace combforce {
 namespace {
 
 constexpr double negligible_compliance = 1e-3;
-// For the paper's cases errors by heat off the comb are then told to 2 %.
-constexpr std::size_t most_strong = 128;
+// For the paper's cases errors by heat off the comb are then told to 2 %, and more take a fit longer than
+// they help it to converge.
+constexpr std::size_t most_listed = 96;
 constexpr std::size_t most_harmonics = 100'000;
 
 // Where chi, going as sum f_m^2/k_m / f^2 far above all modes, has fallen to the negligible share of chi(0).
@@ -23,12 +25,12 @@ double compliant_band_hz(const Cantilever& cantilever) {
   return std::sqrt(inertial / (negligible_compliance * compliance));
 }
 
-// The most_strong of `candidates` with the greatest |response|, greatest first.
-std::vector<std::size_t> strongest(std::vector<std::size_t> candidates,
-                                   const std::vector<std::complex<double>>& response) {
-  const std::size_t count = std::min(most_strong, candidates.size());
+// The most_listed of `candidates` with the greatest motion(candidate), greatest first.
+template <typename Motion>
+std::vector<std::size_t> strongest(std::vector<std::size_t> candidates, const Motion& motion) {
+  const std::size_t count = std::min(most_listed, candidates.size());
   std::ranges::partial_sort(candidates, candidates.begin() + static_cast<std::ptrdiff_t>(count),
-                            std::ranges::greater{}, [&](std::size_t n) { return std::abs(response[n]); });
+                            std::ranges::greater{}, motion);
   candidates.resize(count);
   return candidates;
 }
@@ -57,8 +59,13 @@ Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delt
     if (!is_tone_[n]) others.push_back(n);
     all.push_back(n);
   }
-  strong_ = strongest(std::move(others), response_);
-  strong_between_ = strongest(std::move(all), response_between_);
+  strong_ = strongest(others, [&](std::size_t n) { return std::abs(response_[n]); });
+  warm_ = strongest(others, [&](std::size_t n) {
+    constexpr double any_temperature_k = 1.0;
+    return std::norm(response_[n]) *
+           tip_force_density(cantilever, static_cast<double>(n) * spacing_hz_, any_temperature_k);
+  });
+  strong_between_ = strongest(all, [&](std::size_t n) { return std::abs(response_between_[n]); });
 }
 
 }  // namespace combforce
