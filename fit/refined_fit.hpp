@@ -64,6 +64,7 @@ class RefinedFit {
     balance_.set_bounds(bounds);
     balance_.set_measured(tones, measured.phasors());
     known_count_ = 0;
+    fit_.set_insignificant(whitening.by_noise ? insignificant : 0.0);
     Solution best, other;
     for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
     for (const Parameters& start : further)
@@ -100,6 +101,7 @@ class RefinedFit {
   // where another start had led before it came to the truth.
   static constexpr std::array loosenesses{10.0, 100.0};
   static constexpr std::size_t most_loosened = 20;
+  static constexpr double insignificant = 1e-3;         // of chi^2: a thirtieth of a standard error
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
   static constexpr int most_profile_trials = 8;
   static constexpr double profile_tolerance = 0.01;           // of a standard error

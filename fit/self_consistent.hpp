@@ -66,6 +66,10 @@ class SelfConsistentFit {
     }
   }
 
+  // What the cost must promise to fall by for a step longer than linear ones to be gone, at first 0. What
+  // noise hides so well has no minimum worth finding, as the reach of a force that is not there.
+  void set_insignificant(double decrease) { insignificant_ = decrease; }
+
   // From p and the motion off the comb that the balance holds, at most `most` iterations.
   Solution solve(const Parameters& p, std::size_t level, std::uint32_t most) {
     Solution solution;
@@ -90,7 +94,13 @@ class SelfConsistentFit {
       }
       const Linearized& from = watched > 0 ? current_ : best_;
       if (!std::isfinite(from.cost)) break;
-      const Coordinates next = damped_step(from, damping);
+      Coordinates next = damped_step(from, damping);
+      const double shortening = balance_->shortening(from.x, next);
+      if (better && shortening < 1.0 && decrease(next, from) <= insignificant_) {
+        solution.converged = true;
+        break;
+      }
+      next *= shortening;
       step = better || watched > 0 ? relaxed(next, whole, step) : next;
       whole = next;
       x = from.x + step;
@@ -262,7 +272,7 @@ class SelfConsistentFit {
     current_.cost = current_.residuals.squaredNorm();
   }
 
-  // Levenberg-Marquardt step of the coordinates.
+  // Levenberg-Marquardt step of the coordinates, however long.
   Coordinates damped_step(const Linearized& at, double damping) const {
     Eigen::Matrix<double, count, count> normal = Eigen::Matrix<double, count, count>::Zero();
     Coordinates right = Coordinates::Zero(), scale;
@@ -281,9 +291,7 @@ class SelfConsistentFit {
     normal = scale.asDiagonal() * normal * scale.asDiagonal();
     normal.diagonal().setConstant(1.0 + damping);
     const Coordinates scaled = scale.asDiagonal() * right;
-    Coordinates step = scale.asDiagonal() * normal.ldlt().solve(scaled);
-    step *= balance_->shortening(at.x, step);
-    return step;
+    return scale.asDiagonal() * normal.ldlt().solve(scaled);
   }
 
   // Where the residuals are large Gauss-Newton steps overshoot, even to and fro without end. Near the minimum
@@ -302,7 +310,11 @@ class SelfConsistentFit {
       const double p = std::abs(balance_->bounded(k).value(at.x(index(k))));
       still = still && change <= tolerance * (k == 0 ? 1.0 : p);
     }
-    if (still) return true;
+    return still || decrease(step, at) <= cost_tolerance * at.cost;
+  }
+
+  // Of the cost by a step, where it is nearly linear.
+  double decrease(const Coordinates& step, const Linearized& at) const {
     double decrease = 0.0;
     for (Eigen::Index row = 0; row < rows_; ++row) {
       double change = 0.0;
@@ -310,7 +322,7 @@ class SelfConsistentFit {
         change += at.jacobian(row, index(k)) * balance_->slope(k, at.x) * step(index(k));
       decrease += change * change;
     }
-    return decrease <= cost_tolerance * at.cost;
+    return decrease;
   }
 
   // The motion at x, to first order.
@@ -333,6 +345,7 @@ class SelfConsistentFit {
   static constexpr double most_relaxation = 10.0;
 
   std::size_t held_ = count;  // none
+  double insignificant_ = 0.0;
   HarmonicBalance<Model>* balance_;
   const Harmonics* harmonics_;
   Eigen::Index rows_, unknowns_;

@@ -74,6 +74,23 @@ TEST(RefinedFit, SaysWhenTheModelDoesNotExplainThePixel) {
   EXPECT_GT(result.chi2_reduced, 5.0);
 }
 
+// Without adhesion a DMT contact is a Hertz contact, its contact distance without meaning: from step to step
+// it changes beyond all measure, and chi^2 by nothing.
+TEST(RefinedFit, FindsASurfaceWithoutTheAdhesionOfItsModel) {
+  const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
+  PixelFitter fitter(pixels.conditions("dmt", refine));
+  for (const std::vector<double>& truth : {std::vector{-40.0, 1.0}, {-42.5, 0.6}, {-38.0, 2.4}}) {
+    FitResult result;
+    fitter.fit(pixels.tones("hertz", truth).value(), result);
+    EXPECT_EQ(result.status, FitStatus::ill_conditioned);
+    // An adhesion of 1e-3 nN, a tenth of its standard error, moves them by so much.
+    EXPECT_NEAR(result.parameters[0], truth[0], 2e-3);
+    EXPECT_NEAR(result.parameters[1], truth[1], 1e-3 * truth[1]);
+    EXPECT_LT(result.parameters[2], 1e-3);
+    EXPECT_GT(result.std_errors[2], 1e-2) << "what the bound above was taken for";
+  }
+}
+
 // The drive repeats each millisecond, the motion each two: by 4 nm the halves of the window differ.
 TEST(RefinedFit, SaysWhenTheMotionHasDoubledItsPeriod) {
   const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
