@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <ranges>
 #include <span>
 #include <vector>
 
@@ -53,10 +54,10 @@ class RefinedFit {
         factor_(rows_),
         ones_(harmonics.tones().size(), 1.0) {}
 
-  // Fills `result`. `starts`: best first, at least one, all tried; `further`: tried until one explains the
-  // pixel when none of `starts` does; both again by loosened_balance.hpp when all of them lead astray, until
-  // that leads where another start has led: then there is no more to find.
-  // `tones`: nm, one a tone.
+  // Fills `result`. `starts`: best first, at least one, all tried; `further`, the softest surface last: tried
+  // until one explains the pixel when none of `starts` does. When all of them lead astray, `starts` and the
+  // softer half of `further` by loosened_balance.hpp, until that leads where another start has led: then
+  // there is no more to find. `tones`: nm, one a tone.
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,
            const Whitening& whitening, std::span<const Bounds> bounds, std::span<const Parameters> starts,
            std::span<const Parameters> further, FitResult& result) {
@@ -69,13 +70,15 @@ class RefinedFit {
     for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
     for (const Parameters& start : further)
       if (!explains(measured, best)) try_start(start, measured, whitening, best, other, result);
-    std::size_t loosened = 0;
     bool again = false;
-    for (const double looseness : loosenesses)
-      for (const auto& list : {starts, further})
-        for (const Parameters& start : list)
-          if (astray(best) && !again && loosened++ < most_loosened)
-            again = try_loosened(start, looseness, measured, whitening, best, other, result);
+    const auto loosen = [&](auto&& list, double looseness) {
+      for (const Parameters& start : list)
+        if (astray(best) && !again)
+          again = try_loosened(start, looseness, measured, whitening, best, other, result);
+    };
+    loosen(starts, loose);
+    loosen(further.last(further.size() / 2) | std::views::reverse, loose);
+    loosen(starts, looser);
     bool determined = estimate(measured, whitening, best, result);
     if (const Trench<Model::parameters> trench(best.p, result); best.converged && trench.is_long()) {
       const std::array starts_along{trench.start(1.0), trench.start(-1.0)};
@@ -97,10 +100,9 @@ class RefinedFit {
   static constexpr std::size_t quadrature_level = 1;
   static constexpr double misfit_deviate =
       4.0;  // standard deviations: one good pixel in 30,000 is called a misfit
-  // Of 60 pixels of intermodulation half needed none of these, all of them at most 13; none came by them to
-  // where another start had led before it came to the truth.
-  static constexpr std::array loosenesses{10.0, 100.0};
-  static constexpr std::size_t most_loosened = 20;
+  // Of 120 pixels of intermodulation half needed none of these, all but one at most 8, that one `looser`;
+  // none came by them to where another start had led before it came to the truth.
+  static constexpr double loose = 10.0, looser = 100.0;
   static constexpr double insignificant = 1e-3;         // of chi^2: a thirtieth of a standard error
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
   static constexpr int most_profile_trials = 8;
