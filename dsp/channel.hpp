@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "dsp/sample_block.hpp"
 
 namespace combforce {
 
@@ -26,6 +29,14 @@ struct Channel {
 
   bool operator==(const Channel&) const = default;
 };
+
+// Codes of a channel at or beyond which a sample is clipped; -inf, +inf where none is.
+inline Channel::ClipCodes clip_codes_of(const Channel& channel, SampleFormat format) {
+  if (channel.clip_codes) return *channel.clip_codes;
+  if (format == SampleFormat::i16) return {-32768.0, 32767.0};
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  return {-infinity, infinity};
+}
 
 using Channels = std::vector<Channel>;  // in the order of interleaving
 

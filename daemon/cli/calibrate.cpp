@@ -249,6 +249,21 @@ std::optional<double> vendor_stiffness(const VendorFit& vendor) {
   return calibrate_thermal(std::vector{mode}, settings).modes[0].stiffness_n_per_m;
 }
 
+// Two modes fitted in bands of their own, each for itself, may both have found the greater peak.
+void require_peaks_of_their_own(std::span<const BandFit> fits, const std::vector<OscillatorStart>& starts) {
+  if (fits.size() < starts.size()) return;  // a joint fit: both are in its model
+  for (std::size_t a = 0; a < fits.size(); ++a)
+    for (std::size_t b = a + 1; b < fits.size(); ++b) {
+      const FittedMode &one = fits[a].fit.modes.front(), &other = fits[b].fit.modes.front();
+      const double half_width_hz = 0.5 * one.frequency_hz / one.quality_factor;
+      if (std::abs(one.frequency_hz - other.frequency_hz) < half_width_hz)
+        throw std::invalid_argument(
+            fmt::format("--mode: modes {} and {} were both found at {:.6g} Hz; give their frequencies and "
+                        "quality factors (FREQUENCY:Q), bands of their own (--band), or --joint",
+                        a + 1, b + 1, one.frequency_hz));
+    }
+}
+
 ThermalResult calibrate(const ThermalCommand& options) {
   const Description configured =
       options.config.empty() ? Description{} : load_configuration(options.config).description;
@@ -267,6 +282,7 @@ ThermalResult calibrate(const ThermalCommand& options) {
     spectrum.statistics.averages = result.fits.front().fit.scatter.averages;
     result.fits = fit_all(options, result.source, starts);
   }
+  require_peaks_of_their_own(result.fits, starts);
   choose_known(options, result.source, result.settings);
   if (result.settings.known != KnownQuantity::sader && result.settings.values.empty()) return result;
   result.settings.temperature_k = temperature(options, result.source);

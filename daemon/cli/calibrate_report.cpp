@@ -137,8 +137,8 @@ std::string report_text(const ThermalResult& result) {
       fmt::format("{}: bins of {:.6g} Hz, {:.5g} averages{}\n", source.name, source.spectrum.bin_hz,
                   source.spectrum.statistics.averages, source.averages_known ? "" : ", from the scatter");
   if (source.segments > 0)
-    text += fmt::format("{} Hann segments of {} samples, 50 % overlap, {} gaps\n", source.segments,
-                        source.spectrum.record->samples, source.gaps);
+    text += fmt::format("{} Hann segments of {} samples, 50 % overlap, {} gaps, {} clipped samples\n",
+                        source.segments, source.spectrum.record->samples, source.gaps, source.clipped);
   std::size_t mode = 0;
   for (const BandFit& one : result.fits) {
     for (std::size_t m = 0; m < one.fit.modes.size(); ++m) text += mode_text(result, one, m, mode++);
@@ -176,6 +176,7 @@ Json report_json(const ThermalResult& result) {
               {"averages_from_scatter", !result.source.averages_known},
               {"segments", result.source.segments},
               {"gaps", result.source.gaps},
+              {"clipped", result.source.clipped},
               {"fits", std::move(fits)}};
   if (!result.calibrated) return report;
   report["method"] = method_names[static_cast<std::size_t>(result.settings.known)];

@@ -47,11 +47,13 @@ class StreamSpectrum {
     }
     first_ = false;
     epoch_ = header.epoch;
+    const auto [clip_lo, clip_hi] = clip_codes_of(channel_, header.format);
     volts_.resize(header.frames);
     for (std::size_t i = 0; i < volts_.size(); ++i) {
       const std::size_t at = i * header.channels;
       const double code = header.format == SampleFormat::i16 ? static_cast<double>(block.i16()[at])
                                                              : static_cast<double>(block.f32()[at]);
+      if (code <= clip_lo || code >= clip_hi) ++clipped_;
       volts_[i] = channel_.scale * code + channel_.offset;
     }
     const std::uint64_t before = welch_.segments();
@@ -65,6 +67,7 @@ class StreamSpectrum {
   std::uint64_t frames() const { return frames_; }
   std::uint64_t gaps() const { return gaps_; }
   std::uint64_t runs() const { return runs_; }
+  std::uint64_t clipped() const { return clipped_; }
 
  private:
   WelchSpectrum welch_;
@@ -72,7 +75,7 @@ class StreamSpectrum {
   std::vector<double> volts_;
   bool first_ = true, continues_ = false;
   std::uint32_t epoch_ = 0;
-  std::uint64_t frames_ = 0, gaps_ = 0, runs_ = 0;
+  std::uint64_t frames_ = 0, gaps_ = 0, runs_ = 0, clipped_ = 0;
 };
 
 void run(ReplayDigitizer& digitizer, StreamSpectrum& spectrum) {
@@ -137,6 +140,11 @@ ThermalSource read_stream(const std::string& recording, const Description& confi
   run(digitizer, stream);
   source.segments = stream.welch().segments();
   source.gaps = stream.gaps();
+  source.clipped = stream.clipped();
+  if (source.clipped > 0)
+    source.warnings.push_back(
+        fmt::format("{}: {} of {} samples are clipped: the thermal signal is greater than it says",
+                    source.name, source.clipped, stream.frames()));
   if (source.segments == 0)
     throw InputError(source.name, "",
                      fmt::format("{} samples, no stretch of them as long as a segment of {} samples",

@@ -17,11 +17,11 @@ namespace combforce {
 struct ThermalSource {
   std::string name;  // file, for people
   AveragedSpectrum spectrum;
-  bool averages_known = true;            // false: to be found from the scatter
-  std::uint64_t segments = 0, gaps = 0;  // of a stream
-  std::vector<std::string> warnings;     // of a recording
-  Description description;               // of a recording and the configuration, which overrides it
-  std::optional<VendorFit> vendor;       // of a .tnd file
+  bool averages_known = true;                         // false: to be found from the scatter
+  std::uint64_t segments = 0, gaps = 0, clipped = 0;  // of a stream; clipped samples
+  std::vector<std::string> warnings;                  // of a recording
+  Description description;          // of a recording and the configuration, which overrides it
+  std::optional<VendorFit> vendor;  // of a .tnd file
 };
 
 struct SpectrumFileOptions {

@@ -33,14 +33,7 @@ FitConditions conditions_of(const StreamInfo& info, const Analysis& analysis) {
 
 CombExtractor extractor_of(const StreamInfo& info, const Analysis& analysis) {
   const Channel& deflection = analysis.description.channels->front();
-  const bool integers = info.format == SampleFormat::i16;
-  const double infinity = std::numeric_limits<double>::infinity();
-  double lo = integers ? -32768.0 : -infinity;
-  double hi = integers ? 32767.0 : infinity;
-  if (deflection.clip_codes) {
-    lo = deflection.clip_codes->lo;
-    hi = deflection.clip_codes->hi;
-  }
+  const auto [lo, hi] = clip_codes_of(deflection, info.format);
   return {*analysis.description.comb, static_cast<std::uint16_t>(info.channels.size()), info.format, lo, hi};
 }
 

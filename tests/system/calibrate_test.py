@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """combforce calibrate thermal: from a file of densities, a recording and a daemon's stream to a configuration."""
+import array
 import json
 import math
 import random
@@ -118,6 +119,8 @@ class Densities(CalibrateTest):
             ([path, "--mode", "5e4", "--band", "6e4:4e4"], 3, "--band: \"6e4:4e4\", LOW must be below HIGH"),
             ([path, "--mode", "5e4", "--band", "6e4:7e4"], 3, "within the band 60000 to 70000 Hz"),
             ([path, "--mode", "5e4", "--exclude", "1"], 3, "--exclude: \"1\", must be LOW:HIGH"),
+            ([path, "--mode", "4.9e4:20", "--mode", "5.1e4:20"], 3,
+             "--mode: modes 1 and 2 were both found at "),
             ([path, "--mode", "9e5"], 3, "the spectrum has nothing there"),
             ([path, "--mode", "5e4", "--output", "-"], 3, "--output: needs --sensitivity"),
             ([path, "--mode", "5e4", "--sader", "--temperature", "300"], 2, "--sader requires --"),
@@ -157,6 +160,21 @@ class Streams(CalibrateTest):
         done = self.thermal(self.write("later.sigmf-meta", later), "--segment", frames + 2)  # even
         self.assertEqual(3, done.returncode, done.stderr)
         self.assertIn(f": {frames} samples, no stretch of them as long as a segment", done.stderr)
+
+    def test_clipped_recording(self):
+        configuration = thermal_instrument()
+        # sqrt(kB T/k) = 32 pm of heat are 0.64 mV, full scale is 0.66 mV.
+        configuration["digitizer"]["simulation"].update(volts_per_code=2e-8)
+        recording = self.directory / "clipped"
+        done = run(COMBFORCE, "simulate", "--config", self.write("clipped.json", configuration), "--output", recording)
+        self.assertEqual(0, done.returncode, done.stderr)
+        done = self.thermal(recording, "--sensitivity", "50", "--json")
+        self.assertEqual(0, done.returncode, done.stderr)
+        data = array.array("h", (self.directory / "clipped.sigmf-data").read_bytes())[::2]  # beside z
+        clipped = sum(code in (-32768, 32767) for code in data)
+        self.assertGreater(clipped, 0)
+        self.assertEqual(clipped, json.loads(done.stdout)["origin"]["clipped"])
+        self.assertIn(f"{clipped} of {len(data)} samples are clipped", done.stderr)
 
     def test_recording_with_the_drive_on(self):
         """A tone is no oscillator: the message says which file, and what to do."""
