@@ -132,10 +132,12 @@ class RefinedFit {
     result.iterations += solution.iterations;
     if (solution.converged) {
       if (is_known(solution.p)) return false;
+      const Parameters led = solution.p;
       if (heat_ != nullptr && whiten_at_solution(measured)) {
         solution = fit_.solve(solution.p, quadrature_level, most_);
         result.iterations += solution.iterations;
       }
+      if (solution.converged) remember(led);
     }
     if (!better(solution, best)) {
       if (solution.converged && !same(solution.p, best.p) && solution.cost < other.cost) other = solution;
@@ -151,13 +153,12 @@ class RefinedFit {
     return true;
   }
 
-  // Whether another start has led here: what follows takes as long as all before it. Remembers it if not.
-  bool is_known(const Parameters& p) {
+  // Whether another start has led here: what follows takes as long as all before it.
+  bool is_known(const Parameters& p) const {
     const auto known = std::span(known_).first(std::min(known_count_, known_.size()));
-    if (std::ranges::any_of(known, [&](const Parameters& other) { return same(p, other); })) return true;
-    known_[known_count_++ % known_.size()] = p;
-    return false;
+    return std::ranges::any_of(known, [&](const Parameters& other) { return same(p, other); });
   }
+  void remember(const Parameters& p) { known_[known_count_++ % known_.size()] = p; }
 
   // What noise does depends on how the surface answers.
   bool whiten_at_solution(const MeasuredForce& measured) {

@@ -66,8 +66,10 @@ class SelfConsistentFit {
     }
   }
 
-  // What the cost must promise to fall by for a step longer than linear ones to be gone, at first 0. What
-  // noise hides so well has no minimum worth finding, as the reach of a force that is not there.
+  // What the cost must promise to fall by for a step longer than linear ones to be gone, and for another to
+  // be tried after a step that failed, at first 0. What noise hides so well has no minimum worth finding, as
+  // the reach of a force that is not there; nor one that the Jacobian, without the feedback of the weakly
+  // coupled harmonics, cannot tell from the best so far.
   void set_insignificant(double decrease) { insignificant_ = decrease; }
 
   // From p and the motion off the comb that the balance holds, at most `most` iterations.
@@ -80,14 +82,18 @@ class SelfConsistentFit {
     while (solution.iterations < most && !solution.converged) {
       ++solution.iterations;
       linearize(x, level);
-      const bool better = current_.cost < best_.cost;
+      const bool better = is_better(current_, best_);
       if (better) {
         std::swap(current_, best_);
         damping = damping > least_damping ? 0.1 * damping : 0.0;
         watched = 0;
-      } else if (is_small(step, best_)) {
-        solution.converged = true;
-        break;
+      } else if (is_small(step, best_) || (watched == 0 && decrease(step, best_) <= insignificant_)) {
+        if (is_consistent(best_)) {
+          solution.converged = true;
+          break;
+        }
+        std::swap(current_, best_);  // so small a step tells the cost of the motion, not of the parameters
+        watched = 0;
       } else if (++watched > watch || !std::isfinite(current_.cost)) {
         damping = std::max(30.0 * damping, least_damping);
         watched = 0;
@@ -96,7 +102,7 @@ class SelfConsistentFit {
       if (!std::isfinite(from.cost)) break;
       Coordinates next = damped_step(from, damping);
       const double shortening = balance_->shortening(from.x, next);
-      if (better && shortening < 1.0 && decrease(next, from) <= insignificant_) {
+      if (better && shortening < 1.0 && decrease(next, from) <= insignificant_ && is_consistent(from)) {
         solution.converged = true;
         break;
       }
@@ -104,7 +110,7 @@ class SelfConsistentFit {
       step = better || watched > 0 ? relaxed(next, whole, step) : next;
       whole = next;
       x = from.x + step;
-      solution.converged = better && is_small(step, from);
+      solution.converged = better && is_small(step, from) && is_consistent(from);
       move(x, from);
     }
     if (!solution.converged) x = best_.x;
@@ -194,6 +200,7 @@ class SelfConsistentFit {
     Eigen::VectorXd residuals;             // at `base`, to first order; whitened
     Eigen::MatrixXd jacobian;              // total, by parameters; whitened
     double cost = std::numeric_limits<double>::infinity();
+    double inconsistency = 0.0;  // sum of the squares of the motion's Newton step, nm^2
   };
 
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
@@ -204,9 +211,23 @@ class SelfConsistentFit {
     current_.x = x;
     factorize();
     respond(balance_->force(), balance_->motion(), current_.base);
+    current_.inconsistency = 0.0;
+    for (std::size_t n = 0; n < current_.base.size(); ++n)
+      if (!harmonics_->is_tone(n))
+        current_.inconsistency += std::norm(current_.base[n] - balance_->motion()[n]);
     for (std::size_t k = 0; k < count; ++k) respond(balance_->derivative(k), {}, current_.response[k]);
     project();
   }
+
+  // The cost is that of a motion to first order only: one a little greater is worth as much where the motion
+  // is closer to what the force makes of it (as in a filter: Fletcher, Leyffer 2002, Math. Program. 91, 239).
+  static bool is_better(const Linearized& one, const Linearized& other) {
+    return one.cost < other.cost ||
+           (one.cost < forgiven * other.cost && one.inconsistency < closer * other.inconsistency);
+  }
+
+  // The cost is that of the motion to 1e-3 or so.
+  static bool is_consistent(const Linearized& at) { return at.inconsistency < consistent_nm * consistent_nm; }
 
   // motion + do where (1 - chi G) do = chi force - motion; strong bins densely, others by substitution.
   void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out) {
@@ -336,8 +357,10 @@ class SelfConsistentFit {
     }
   }
 
-  static constexpr double cost_tolerance = 1e-6;  // relative
-  static constexpr double tolerance = 2e-6;       // nm, or relative
+  static constexpr double consistent_nm = 1e-4;
+  static constexpr double forgiven = 1.1, closer = 0.5;  // of cost and inconsistency
+  static constexpr double cost_tolerance = 1e-6;         // relative
+  static constexpr double tolerance = 2e-6;              // nm, or relative
   // A step along a curved trench first leads up its wall: so many iterations may pass before a better one,
   // then the search goes back (watchdog technique, Chamberlain et al. 1982).
   static constexpr std::size_t watch = 3;

@@ -63,6 +63,25 @@ TEST(RefinedFit, ConvergesWhereSubstitutionDiverges) {
   }
 }
 
+// Products about one mode: the cost of a motion that is not the force's yet may be less than that of the
+// solution, which is found all the same.
+TEST(RefinedFit, FollowsAViscousContactByProductsOfIntermodulation) {
+  const SimulatedPixels pixels{{{{70e3, 150.0, 2.0, 1.0}}},
+                               {139, 141},
+                               {133, 135, 137, 139, 141, 143, 145, 147},
+                               DriveScheme::equal_amplitude};
+  PixelFitter fitter(pixels.conditions("kelvin_voigt", refine));
+  for (const std::vector<double>& truth :
+       {std::vector{-31.0, 1.0, 0.3}, {-33.0, 0.5, 0.8}, {-35.0, 1.5, 0.4}}) {
+    const auto tones = pixels.tones("kelvin_voigt", truth);
+    ASSERT_TRUE(tones);
+    FitResult result;
+    fitter.fit(*tones, result);
+    EXPECT_EQ(result.status, FitStatus::converged) << truth[0];
+    EXPECT_LT(greatest_error(result, truth), 1e-3) << truth[0];
+  }
+}
+
 TEST(RefinedFit, SaysWhenTheModelDoesNotExplainThePixel) {
   const SimulatedPixels pixels = SimulatedPixels::paper(four_tones);
   const auto tones = pixels.tones("dmt", {-40.0, 1.0, 1.5, 0.5});
