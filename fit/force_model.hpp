@@ -106,10 +106,16 @@ double contact_top_nm(const double* p) {
     return p[0];
 }
 
-// Where F or its derivatives may jump: p[0], or for a polynomial below everything.
+// Where F or its derivatives may jump: p[0], or for a polynomial below everything; for a force with a pole,
+// where its wall begins.
 template <typename Model>
 double surface_nm(const double* p) {
-  return IsPolynomial<Model> ? -std::numeric_limits<double>::infinity() : p[0];
+  if constexpr (IsPolynomial<Model>)
+    return -std::numeric_limits<double>::infinity();
+  else if constexpr (StaysAboveSurface<Model>)
+    return p[0] + Model::wall_height_nm(p);
+  else
+    return p[0];
 }
 
 // All models, in a fixed order.

@@ -13,7 +13,8 @@
 //                     Where the force depends on the tip's velocity (kelvin_voigt.hpp), force() and contact()
 //                     take it last, nm/s, and lag_s() says from where on the force is clamped at 0.
 //   tail_length()     in the tail the force is analytic in d but for a pole no closer than this below p0.
-//   least_height_nm   where the force has a pole at p0 itself (lennard_jones.hpp), it is constant below this.
+//   least_height_nm   where the force has a pole at p0 itself (lennard_jones.hpp), it is constant below this;
+//   wall_height_nm(p) there, where it repels.
 //   release_height_nm() where the force depends on history (jkr.hpp), contact lasts up to so far above p0:
 //                     tail() is of a tip still engaged, and force() takes last whether it is. Its derivatives
 //                     are release_gradient(). Terms list a derivative by what moves p0 or the release even

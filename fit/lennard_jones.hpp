@@ -35,6 +35,7 @@ struct LennardJones {
                                    "Israelachvili, Intermolecular and Surface Forces; Giessibl 1997", info};
 
   static constexpr double least_height_nm = 0.02;
+  static double wall_height_nm(const double* p) { return p[2] / 1.7627; }  // 30^(1/6): F = 0
 
   template <typename T>
   static T force(const T* p, const T& d) {

@@ -3,8 +3,8 @@
 // The steady state of the drive is a sum of tones, known exactly at any time; what the surface and heat add,
 // u = q - q_free in every mode, is propagated exactly under a force interpolated over cells (cell.hpp). A
 // cell is halved where the highest Legendre coefficient of the force exceeds a tolerance or the force's kink,
-// d = p0, lies in it or too near to be missed between nodes; in the shortest cells the kink is located and
-// the cell is split there.
+// d = p0, lies in it or too near to be missed between nodes; the shortest cells are split where the kink
+// is, and again where the force, as at a wall, still changes too much.
 //
 // Thermal forces: white, of one-sided density S = 4 kB T k/(w Q) in every mode. Their effect over one sample
 // is drawn from the exact covariance of (q, q') after that time and added at its end, so without surface the
@@ -103,8 +103,9 @@ class Oscillator {
   void evaluate_short(const Taylor& taylor, double seconds, Tip& tip, Tip& force) const;
   template <typename Model>
   double force_now(double tip) const;
+  Taylor taylor() const;  // of the tip without force
   template <typename Model>
-  void cross_kink(double seconds);
+  void cross_in_pieces(double seconds);
   void apply(const CellTable& cell, const Tip& force);
   void apply_short(double seconds, const Tip& force);
 

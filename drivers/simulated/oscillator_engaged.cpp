@@ -185,29 +185,41 @@ void Oscillator::evaluate_short(const Taylor& taylor, double seconds, Tip& tip, 
   }
 }
 
-// A shortest cell with the kink in it, as pieces that end at the kink.
+Oscillator::Taylor Oscillator::taylor() const {
+  Taylor taylor{};
+  for (std::size_t k = 0; k < taylor.size(); ++k) {
+    for (std::size_t n = 0; n < re_.size(); ++n) {
+      taylor[k] += short_.taylor_re[k][n] * re_[n] + short_.taylor_im[k][n] * im_[n];
+    }
+  }
+  return taylor;
+}
+
+// A shortest cell with the kink in it, or too long for its force, as pieces that end at the kink and are
+// halved until the force is a quartic.
 template <typename Model>
-void Oscillator::cross_kink(double seconds) {
-  constexpr int greatest_pieces = 6;  // grazing tips may cross more than once
+void Oscillator::cross_in_pieces(double seconds) {
+  constexpr int most_crossings = 5;              // grazing tips may cross more than once
+  const double shortest = seconds / (1U << 14);  // beside a pole: 0.03 pm
   const double kink = surface_nm<Model>(parameters_.data());
-  double left = seconds;
-  for (int piece = 1; piece <= greatest_pieces; ++piece) {
-    Taylor taylor{};
-    for (std::size_t k = 0; k < taylor.size(); ++k) {
-      for (std::size_t n = 0; n < re_.size(); ++n) {
-        taylor[k] += short_.taylor_re[k][n] * re_[n] + short_.taylor_im[k][n] * im_[n];
-      }
+  Tip tip, force;
+  int crossings = 0;
+  double left = seconds, piece = seconds;
+  while (left > 0.0) {
+    const Taylor taylor = this->taylor();
+    evaluate_short<Model>(taylor, piece, tip, force);
+    if (!one_sided(tip, kink) && crossings < most_crossings) {
+      ++crossings;
+      piece *= first_crossing(tip, kink);
+      evaluate_short<Model>(taylor, piece, tip, force);
     }
-    Tip tip, force;
-    evaluate_short<Model>(taylor, left, tip, force);
-    if (piece == greatest_pieces || one_sided(tip, kink)) {
-      apply_short(left, force);
-      return;
+    while (piece > shortest && highest_coefficient(force) > tolerances_.force_nn) {
+      piece *= 0.5;
+      evaluate_short<Model>(taylor, piece, tip, force);
     }
-    const double part = left * first_crossing(tip, kink);
-    evaluate_short<Model>(taylor, part, tip, force);
-    apply_short(part, force);
-    left -= part;
+    apply_short(piece, force);
+    left -= piece;
+    piece = std::min(left, 2.0 * piece);
   }
 }
 
@@ -238,12 +250,12 @@ void Oscillator::cross_sample() {
     }
     position += std::uint64_t{1} << (finest - level_);
     ++cells_;
-    if (smooth) {
+    if (smooth && !(coefficient > tolerances_.force_nn)) {
       apply(cell, force);
       tip[0] = tip[cell_nodes - 1];
       force[0] = force[cell_nodes - 1];
     } else {
-      cross_kink<Model>(cell.seconds);
+      cross_in_pieces<Model>(cell.seconds);
       tip[0] = tip_nm();
       force[0] = force_now<Model>(tip[0]);
     }

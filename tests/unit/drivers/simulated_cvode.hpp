@@ -128,4 +128,10 @@ inline double viscous_hertz(double p0, double p1, double p2, double d, double ve
   return std::max(0.0, p1 * (std::pow(p0 - d, 1.5) + viscous));
 }
 
+// Sphere and half-space by Lennard-Jones, with the simulator's floor of z.
+inline double lennard_jones(double p0, double p1, double p2, double d) {
+  const double z = std::max(d - p0, 0.02);
+  return p1 * (std::pow(p2, 6) / (30.0 * std::pow(z, 8)) - 1.0 / (z * z));
+}
+
 }  // namespace combforce::test

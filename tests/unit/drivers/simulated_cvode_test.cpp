@@ -18,6 +18,7 @@ double greatest_distance_pm(const Comparison& what, IntegratorAccuracy accuracy,
   const std::vector<double>& p = what.parameters;
   CvodeMotion oracle(settings, [&](double d, double velocity) {
     if (what.model == "kelvin_voigt") return viscous_hertz(p[0], p[1], p[2], d, velocity);
+    if (what.model == "lennard_jones") return lennard_jones(p[0], p[1], p[2], d);
     return what.model == "hertz" ? paper_hertz(p[0], p[1], d) : paper_dmt(p[0], p[1], p[2], p[3], d);
   });
   Oscillator oscillator(settings);
@@ -42,6 +43,10 @@ const Comparison hard_case{"dmt", {-30.0, 10.0, 10.0, 0.3}, {234, 1348}, DriveSc
 const Comparison viscous_case{
     "kelvin_voigt", {-40.0, 1.0, 0.1}, {234, 1348, 3516, 6470}, DriveScheme::equal_energy};
 
+const Comparison wall_case{"lennard_jones", {-49.0, 0.3, 0.4}, {234, 1348}, DriveScheme::equal_energy};
+const Comparison many_tones_wall_case{
+    "lennard_jones", {-49.0, 0.3, 0.4}, {234, 1348, 3516, 6470}, DriveScheme::equal_energy};
+
 // Deflections, not tones, at the start of contact, where steps of 30 nm ring: the bound is the one on tones.
 TEST(SimulatedCvode, AccurateMotionFollowsCvode) {
   EXPECT_LT(greatest_distance_pm(hertz_case, IntegratorAccuracy::accurate, 1), 0.05);
@@ -61,6 +66,13 @@ TEST(SimulatedCvode, ViscousContactFollowsCvode) {
 // Differences grow more here; CVODE itself is good to 0.02 pm.
 TEST(SimulatedCvode, StiffStickyContactFollowsCvode) {
   EXPECT_LT(greatest_distance_pm(hard_case, IntegratorAccuracy::accurate, 1), 0.1);
+}
+
+// The wall turns the tip within 0.1 nm, in less than 1 ns: far less than the shortest cell of the ladder.
+TEST(SimulatedCvode, TipTurnedByAHardWallFollowsCvode) {
+  EXPECT_LT(greatest_distance_pm(wall_case, IntegratorAccuracy::accurate, 1), 0.2);
+  EXPECT_LT(greatest_distance_pm(wall_case, IntegratorAccuracy::live, 1), 20.0);
+  EXPECT_LT(greatest_distance_pm(many_tones_wall_case, IntegratorAccuracy::live, 1), 20.0);
 }
 
 }  // namespace combforce::test
