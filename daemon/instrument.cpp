@@ -249,6 +249,7 @@ class Instrument::Impl {
         outputs_.event({.kind = "warning", .first_sample = 0, .count = 0, .text = warning});
     changes = changes_of(meta, configuration.description);
     Description description = overlay(meta.description, configuration.description);
+    warn_of_missing_lifted(0, description);
     digitizer_ = std::move(digitizer);
     return description;
   }
@@ -294,6 +295,17 @@ class Instrument::Impl {
       outputs_.event({.kind = "warning", .first_sample = free.first_sample, .count = 0, .text = why});
   }
 
+  void warn_of_missing_lifted(std::uint64_t first_sample, const Description& description) const {
+    const bool missing = description.fit && description.fit->background == Background::linear &&
+                         description.free_response && !description.free_response->lifted_nm;
+    if (missing && outputs_.event)
+      outputs_.event({.kind = "warning",
+                      .first_sample = first_sample,
+                      .count = 0,
+                      .text = "fit.background is \"linear\" and the free response has no lifted_nm: without a "
+                              "lifted response every pixel is no_free_response"});
+  }
+
   // Of a stream that ended because it failed.
   Event with_reason(Event event) const {
     const StreamStatus stream = digitizer_->status();
@@ -308,6 +320,7 @@ class Instrument::Impl {
       if (recorder_->running()) recorder_->note_change(first_sample, analysis.description);
     }
     if (outputs_.change) outputs_.change(first_sample, analysis);
+    warn_of_missing_lifted(first_sample, analysis.description);
   }
 
   const RecordSettings record_;

@@ -21,6 +21,13 @@ double variance_of(const FreeResponse& response, std::size_t tone) {
   return diagonal(2 * tone) + diagonal(2 * tone + 1);
 }
 
+// The noise of a window is what it is in the free response.
+double lifted_variance(const FreeResponse& response, std::size_t tone) {
+  if (response.windows == 0 || response.lifted_windows == 0) return variance_of(response, tone);
+  return variance_of(response, tone) * static_cast<double>(response.windows) /
+         static_cast<double>(response.lifted_windows);
+}
+
 }  // namespace
 
 TurnMeter::TurnMeter(const Comb& comb) {
@@ -77,16 +84,21 @@ std::string find_change(const Comb& comb, const FreeResponse& before, const Free
   double greatest = 0.0;
   for (std::size_t i = 0; i < comb.tones.size(); ++i) {
     if (!comb.tones[i].driven) continue;
-    const double size = std::abs(before.mean_nm[i]);
-    const double change = std::abs(after.mean_nm[i] - before.mean_nm[i]);
-    const double noise = std::sqrt(variance_of(before, i) + variance_of(after, i));
-    const double beyond = change - tolerance * size - deviations * noise;
-    if (!(beyond > greatest * size)) continue;
-    greatest = beyond / size;
-    worst = fmt::format(
-        "since sample {} the free response of the tone of bin {} changed by {:.3g} of itself, more than "
-        "{:.3g}: forces measured between refer to a motion that no longer was",
-        before.first_sample, comb.tones[i].bin, change / size, tolerance);
+    const auto compare = [&](const char* name, std::complex<double> old, std::complex<double> now,
+                             double variance) {
+      const double size = std::abs(old), change = std::abs(now - old);
+      const double beyond = change - tolerance * size - deviations * std::sqrt(variance);
+      if (!(beyond > greatest * size)) return;
+      greatest = beyond / size;
+      worst = fmt::format(
+          "since sample {} the {} response of the tone of bin {} changed by {:.3g} of itself, more than "
+          "{:.3g}: forces measured between refer to a motion that no longer was",
+          before.first_sample, name, comb.tones[i].bin, change / size, tolerance);
+    };
+    compare("free", before.mean_nm[i], after.mean_nm[i], variance_of(before, i) + variance_of(after, i));
+    if (before.lifted_nm && after.lifted_nm)
+      compare("lifted", (*before.lifted_nm)[i], (*after.lifted_nm)[i],
+              lifted_variance(before, i) + lifted_variance(after, i));
   }
   return worst;
 }

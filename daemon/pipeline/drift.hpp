@@ -44,9 +44,9 @@ class TurnMeter {
   std::uint64_t windows_ = 0;
 };
 
-// "", or for people what changed between two references of one comb: the driven tone with the greatest
-// |after - before|/|before|, where that is more than `tolerance` plus four standard deviations (of both, as
-// far as their covariances are known).
+// "", or for people what changed between two references of one comb, free or lifted: the driven tone with
+// the greatest |after - before|/|before|, where that is more than `tolerance` plus four standard deviations
+// (of both, as far as their covariances are known).
 std::string find_change(const Comb& comb, const FreeResponse& before, const FreeResponse& after,
                         double tolerance);
 

@@ -171,6 +171,29 @@ TEST(Drift, ReferencesAreComparedToneByTone) {
   EXPECT_EQ(change({20.0, 0.0}, {0.5, 1.0}), "") << "what is not driven may do as it likes";
 }
 
+// Of the lifted mean, averaged over 4 windows where the free one has 16, noise is twice as great.
+TEST(Drift, LiftedReferencesAreComparedToo) {
+  const Comb comb = comb_of(2);
+  const auto lifted = [](std::complex<double> second, double sigma) {
+    FreeResponse response = response_of({20.0, 0.0}, {0.0, 1.0}, sigma);
+    response.lifted_nm = {{15.0, 0.0}, second};
+    response.lifted_windows = 4;
+    return response;
+  };
+  const auto change = [&](std::complex<double> second, double sigma) {
+    return find_change(comb, lifted({0.0, 0.8}, sigma), lifted(second, sigma), tolerance);
+  };
+  EXPECT_EQ(change({0.0, 0.8}, 0.0), "");
+  const std::string turned = change(std::polar(0.8, 0.5 * std::numbers::pi + 0.4), 0.0);
+  EXPECT_NE(turned.find("lifted response of the tone of bin 20"), std::string::npos) << turned;
+  // 4 * 0.012 nm * 2 * 2 (quadratures, captures, windows) = 0.192 nm.
+  EXPECT_EQ(change({0.15, 0.8}, 0.012), "");
+  EXPECT_NE(change({0.25, 0.8}, 0.012), "");
+  EXPECT_EQ(find_change(comb, response_of({20.0, 0.0}, {0.0, 1.0}, 0.0), lifted({0.5, 0.0}, 0.0), tolerance),
+            "")
+      << "nothing to compare";
+}
+
 TEST(Drift, ADrivenToneThatIsNoiseIsNamed) {
   Comb comb = comb_of(2);
   EXPECT_EQ(find_lost_tone(comb, response_of({20.0, 0.0}, {0.0, 1.0}, 0.1)), "");
