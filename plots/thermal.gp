@@ -1,46 +1,44 @@
 # A thermal spectrum, its fit and the residuals:  gnuplot -e "table='FILE'; picture='FILE.png'" plots/thermal.gp
-# FILE is what `combforce calibrate thermal --table FILE` writes: one block a fit.
+# FILE is what `combforce calibrate thermal --table FILE` writes: one block a fit, here side by side.
 
-set terminal pngcairo size 1000, 700 font "sans,12"
-set encoding utf8
-set output picture
 stats table using 1:2 nooutput
 blocks = STATS_blocks
-low = STATS_min_x/1e3
-high = STATS_max_x/1e3
-wide = high > 20*(low > 0 ? low : high/1e3)
+width = blocks == 1 ? 1000 : 520*blocks
+set terminal pngcairo size width, 700 font "sans,12"
+set encoding utf8
+set output picture
 
-set multiplot layout 2, 1
-set lmargin 12
-set rmargin 3
+set multiplot
 set tics out nomirror
 set grid lc rgb "grey85"
-if (wide) { set logscale x; set xrange [*:high] } else { set xrange [low:high] }
+share = 1.0/blocks
+do for [b = 0:blocks - 1] {
+  set autoscale
+  stats table using ($1/1e3):2 index b nooutput
+  set xrange [STATS_min_x:STATS_max_x]
+  set xtics autofreq
+  set lmargin at screen b*share + 100.0/width
+  set rmargin at screen (b + 1)*share - 25.0/width
 
-set tmargin 2
-set bmargin 0
-set size 1, 0.62
-set origin 0, 0.38
-set logscale y
-set format y "10^{%T}"
-set format x ""
-set ylabel "power density (V²/Hz)"
-set key top right
-plot for [b = 0:blocks - 1] table using ($1/1e3):2 index b with points pt 7 ps 0.4 lc rgb "grey50" \
-       title (b == 0 ? "measured" : ""), \
-     for [b = 0:blocks - 1] table using ($1/1e3):3 index b with lines lw 2 lc rgb "#c0392b" \
-       title (b == 0 ? "oscillator and floor" : "")
+  set tmargin at screen 0.94
+  set bmargin at screen 0.40
+  set logscale y
+  set format y "10^{%T}"
+  set format x ""
+  unset xlabel
+  if (b == 0) { set ylabel "power density (V²/Hz)" offset 1; set key at screen 0.5, 0.975 center horizontal } else { unset ylabel; unset key }
+  plot table using ($1/1e3):2 index b with points pt 7 ps 0.4 lc rgb "grey50" title "measured", \
+       table using ($1/1e3):3 index b with lines lw 2 lc rgb "#c0392b" title "oscillator and floor"
 
-set tmargin 1
-set bmargin 4
-set size 1, 0.38
-set origin 0, 0
-unset logscale y
-set format y "%g"
-set format x "%g"
-set xlabel "frequency (kHz)"
-set ylabel "measured/fit − 1"
-unset key
-plot for [b = 0:blocks - 1] table using ($1/1e3):4:5 index b with yerrorbars pt 7 ps 0.4 lc rgb "grey50", \
-     0 with lines lw 2 lc rgb "#c0392b"
+  set tmargin at screen 0.37
+  set bmargin at screen 0.10
+  unset logscale y
+  set format y "%g"
+  set format x "%g"
+  set xlabel "frequency (kHz)"
+  if (b == 0) { set ylabel "measured/fit − 1" }
+  unset key
+  plot table using ($1/1e3):4:5 index b with yerrorbars pt 7 ps 0.4 lc rgb "grey50", \
+       0 with lines lw 2 lc rgb "#c0392b"
+}
 unset multiplot

@@ -109,7 +109,8 @@ void check_fit(const BandFit& one, const ThermalSource& source, std::vector<std:
       std::abs(fit.scatter.averages / statistics.averages - 1.0) > least_change)
     say(fmt::format("bins scatter as of {:.4g} averages, not {:.4g}: standard errors are off",
                     fit.scatter.averages, statistics.averages));
-  constexpr double least_correlation = 0.1;
+  // Of independent bins it scatters by 1/sqrt(bins).
+  const double least_correlation = std::max(0.1, 4.0 / std::sqrt(static_cast<double>(fit.bins)));
   if (std::abs(fit.scatter.neighbour_correlation - statistics.correlation[0]) > least_correlation)
     say(
         fmt::format("neighbouring bins are correlated by {:.2f}, not {:.2f} as the window has it: standard "
@@ -127,6 +128,35 @@ void check_fit(const BandFit& one, const ThermalSource& source, std::vector<std:
           "10 % too small at 8, 25 % at 4 and 50 % at 2; --segment {}",
           ring_downs, 4 * record.samples));
   }
+}
+
+// The fit whose floor is the detector's noise: that of the lowest mode which tells it to 30 %, since noise
+// depends on frequency; if none does, the one that tells it best. Null when no floor is determined.
+const BandFit* floor_of_detector(const ThermalResult& result) {
+  constexpr double well_known = 0.3;
+  const BandFit* best = nullptr;
+  for (const BandFit& one : result.fits) {
+    const double error = one.fit.floor_error();
+    if (!one.fit.floor_determined || !std::isfinite(error)) continue;
+    if (error <= well_known) return &one;
+    if (best == nullptr || error < best->fit.floor_error()) best = &one;
+  }
+  return best;
+}
+
+void check_calibration(const ThermalResult& result, std::vector<std::string>& said) {
+  const double factor = result.settings.correction_factor;
+  const auto& vendor = result.source.vendor;
+  if (vendor && vendor->correction_factor && *vendor->correction_factor != factor)
+    said.push_back(fmt::format("the vendor's correction factor is {0:.6g}, not {1:.6g} as here: "
+                               "--correction-factor {0:.6g} for what compares with the vendor's stiffness",
+                               *vendor->correction_factor, factor));
+  if (factor != 1.0)
+    said.push_back(fmt::format(
+        "with a correction factor of {:.6g} stiffness is not that of the mode, which fits of forces need",
+        factor));
+  if (floor_of_detector(result) == nullptr)
+    said.push_back("no fit tells the floor: detector noise is 0 in the calibration");
 }
 
 }  // namespace
@@ -192,13 +222,14 @@ Json report_json(const ThermalResult& result) {
 std::vector<std::string> warnings(const ThermalResult& result) {
   std::vector<std::string> said = result.source.warnings;
   for (const BandFit& one : result.fits) check_fit(one, result.source, said);
+  if (result.calibrated) check_calibration(result, said);
   return said;
 }
 
 Calibration calibration_of(const ThermalResult& result) {
   const Cantilever& calibrated = result.calibrated.value();
-  const ThermalFit& first = result.fits.front().fit;
-  const double detector = first.floor_determined ? std::sqrt(first.floor_v2_per_hz) : 0.0;
+  const BandFit* known = floor_of_detector(result);
+  const double detector = known != nullptr ? std::sqrt(known->fit.floor_v2_per_hz) : 0.0;
   return {calibrated,
           {result.settings.temperature_k, {detector * calibrated.modes[0].sensitivity_nm_per_v}},
           report_json(result)};
@@ -209,6 +240,7 @@ void write_table(const ThermalResult& result, const std::string& path) {
   out.write("# frequency_hz density_v2_per_hz model_v2_per_hz residual scatter\n");
   const AveragedSpectrum& spectrum = result.source.spectrum;
   for (const BandFit& one : result.fits) {
+    if (&one != &result.fits.front()) out.write("\n\n");
     const auto bins = bins_of(spectrum, one.settings);
     const auto model = model_density(spectrum, one.fit, bins);
     constexpr double wanted = 0.05;
@@ -229,7 +261,6 @@ void write_table(const ThermalResult& result, const std::string& path) {
       out.write(
           fmt::format("{:.9g} {:.6g} {:.6g} {:.6g} {:.6g}\n", hz, density, expected, ratio - 1.0, scatter));
     }
-    out.write("\n");
   }
   out.close();
 }

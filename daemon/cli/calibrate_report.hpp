@@ -32,11 +32,12 @@ std::string report_text(const ThermalResult& result);
 Json report_json(const ThermalResult& result);
 std::vector<std::string> warnings(const ThermalResult& result);
 
-// Of a result that is calibrated.
+// Of a result that is calibrated. Detector noise: the floor of the lowest mode that tells it to 30 %, else of
+// the one that tells it best.
 Calibration calibration_of(const ThermalResult& result);
 
 // Rows f, S, model, S/model - 1 averaged over as many bins as make the last's scatter 5 %, and that scatter;
-// a blank line between fits. For plots/thermal.gp.
+// two blank lines between fits. For plots/thermal.gp.
 void write_table(const ThermalResult& result, const std::string& path);
 
 }  // namespace combforce

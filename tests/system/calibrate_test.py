@@ -103,6 +103,30 @@ class Densities(CalibrateTest):
         # The raw column is one periodogram: bins scatter as exponential variables do.
         self.assertLess(abs(calibration["origin"]["averages"] - 1), 0.1)
 
+    @unittest.skipUnless(VENDOR_FILE.exists(), "the reference data are not beside the project")
+    def test_correction_factors_are_spoken_of(self):
+        hint = "the vendor's correction factor is 0.9, not 1 as here: --correction-factor 0.9"
+        other = "with a correction factor of 0.9 stiffness is not that of the mode"
+        modal = self.thermal(VENDOR_FILE).stderr
+        self.assertIn(hint, modal)
+        self.assertNotIn(other, modal)
+        vendors = self.thermal(VENDOR_FILE, "--correction-factor", "0.9").stderr
+        self.assertIn(other, vendors)
+        self.assertNotIn(hint, vendors)
+
+    def test_detector_noise_is_the_floor_that_is_known(self):
+        """A floor below 0 under the first mode; under the second 1e-12 V²/Hz, with 30 nm/V 30 pm/√Hz."""
+        draw = random.Random(5)
+        density = [(f, oscillator(f, 50e3, 20, 3e-6) - 1e-13 if f < 100e3 else 1e-12 + oscillator(f, 300e3, 60, 1e-7))
+                   for f in range(10_000, 400_000, 50)]
+        path = self.write("two.txt", "".join(f"{f} {s * draw.gammavariate(16, 1 / 16):.9g}\n" for f, s in density))
+        arguments = [path, "--mode", "50e3:20", "--band", "20e3:90e3", "--sensitivity", "30", "--temperature", "300"]
+        both = self.calibrated(*arguments, "--mode", "300e3:60", "--band", "250e3:350e3")
+        # The floor's standard error is about 3 %, half of that in nm; seven times.
+        self.assertLess(abs(both["noise"]["detector_nm_per_sqrt_hz"] / 30e-6 - 1), 0.1)
+        first = self.thermal(*arguments)
+        self.assertIn("no fit tells the floor: detector noise is 0", first.stderr)
+
     def test_help_names_the_scalings(self):
         self.assertIn("--scaling TEXT:{stiffness,sensitivity}", self.thermal("--help").stdout)
 
