@@ -39,6 +39,8 @@ struct Dlvo {
                                    "F = p1 exp(-z/p2) - p3 (D0/(max(z, 0) + D0))^2, z = d - p0, D0 = 0.165",
                                    "Butt, Cappella, Kappl 2005, Surf. Sci. Rep. 59, 1", info};
 
+  static constexpr double cut_off_nm = 0.165;  // D0
+
   template <typename T>
   static T force(const T* p, const T& d) {
     using std::exp;
@@ -69,7 +71,6 @@ struct Dlvo {
   static double tail_length(const double*) { return cut_off_nm; }
 
  private:
-  static constexpr double cut_off_nm = 0.165;
   static constexpr double deepest = 30.0;  // Debye lengths
 };
 

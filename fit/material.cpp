@@ -8,6 +8,7 @@
 
 #include "fit/capillary.hpp"
 #include "fit/cone.hpp"
+#include "fit/dlvo.hpp"
 #include "fit/dmt.hpp"
 #include "fit/flat_punch.hpp"
 #include "fit/hertz.hpp"
@@ -80,8 +81,11 @@ MaterialParameters material_of(const ModelInfo& model, std::span<const double> p
                                const TipGeometry& tip) {
   constexpr double zj_per_nn_nm = 1e3, mj_per_m2_per_nn_per_nm = 1e3;
   MaterialParameters material;
-  if (model.name == LennardJones::model.name) {
-    if (tip.radius_nm) material.hamaker_zj = zj_per_nn_nm * 6.0 * parameters[1] / *tip.radius_nm;
+  if (model.name == LennardJones::model.name || model.name == Dlvo::model.name) {
+    const double strength = model.name == Dlvo::model.name
+                                ? parameters[3] * Dlvo::cut_off_nm * Dlvo::cut_off_nm
+                                : parameters[1];  // H R/6
+    if (tip.radius_nm) material.hamaker_zj = zj_per_nn_nm * 6.0 * strength / *tip.radius_nm;
     return material;
   }
   material.reduced_modulus_gpa = reduced_modulus(model, parameters[1], tip);

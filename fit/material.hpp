@@ -6,6 +6,7 @@
 //     E* = p1/(2 a)                 flat punch
 //     H  = 6 p2 p3^2/R              DMT: Hamaker's constant
 //     H  = 6 p1/R                   Lennard-Jones
+//     H  = 6 p3 D0^2/R              DLVO
 //     w  = p2/(2 pi R)              DMT: work of adhesion, from the pull-off force 2 pi w R
 //     w  = 2 p2/(3 pi R)            JKR: from its pull-off force (3/2) pi w R
 //     mu = (R w^2/(E*^2 p3^3))^(1/3)   Tabor's number (Tabor 1977, J. Colloid Interface Sci. 58, 2), with the

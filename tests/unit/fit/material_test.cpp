@@ -78,6 +78,13 @@ TEST(Material, HamakerOfLennardJones) {
   EXPECT_NEAR(*material_of(find_model("lennard_jones"), p, tip_of(10.0)).hamaker_zj, 100.0, 1e-9);
 }
 
+// H R/(6 D0^2) with D0 = 0.165 nm of 100 zJ and 10 nm is 6.122 nN.
+TEST(Material, HamakerOfDlvo) {
+  const std::vector<double> p{-40.0, 1.0, 2.0, 0.1 * 10.0 / (6.0 * 0.165 * 0.165)};
+  EXPECT_NEAR(p[3], 6.122, 1e-3);
+  EXPECT_NEAR(*material_of(find_model("dlvo"), p, tip_of(10.0)).hamaker_zj, 100.0, 1e-9);
+}
+
 TEST(Material, TheTaborNumberSaysWhichTheory) {
   const auto theory = [](double p1, double p2) {
     return material_of(find_model("dmt"), std::vector{-40.0, p1, p2, 0.2}, tip_of(10.0)).theory;
