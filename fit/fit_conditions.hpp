@@ -29,6 +29,7 @@ struct FitSettings {
   std::string model = "dmt";
   // 0: the paper's partial motion; else at most so many iterations beyond, from each start.
   unsigned refine = 0;
+  static constexpr unsigned most_refinements = 100;
   // none: E as the paper has it (equation 9). A refined fit always whitens by the noise's covariance
   // (measured_force.hpp), or where none is known, weighs by the share of thermal forces at each tone.
   Weighting weighting = Weighting::none;

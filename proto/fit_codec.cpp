@@ -67,7 +67,6 @@ FitSettings decode_fit(const JsonView& view, UnknownKeys unknown) {
   check_keys(view, unknown,
              {"model", "refine", "weighting", "profile_intervals", "calibration_errors", "background",
               "compare", "bounds", "tip"});
-  constexpr std::uint64_t most_refinements = 100;
   FitSettings fit;
   if (const auto model = view.find("model")) fit.model = model->string();
   std::vector<const ModelInfo*> models;
@@ -80,7 +79,7 @@ FitSettings decode_fit(const JsonView& view, UnknownKeys unknown) {
   };
   add_model(fit.model, view.find("model").value_or(view));
   if (const auto refine = view.find("refine"))
-    fit.refine = static_cast<unsigned>(refine->integer(0, most_refinements));
+    fit.refine = static_cast<unsigned>(refine->integer(0, FitSettings::most_refinements));
   if (const auto weighting = view.find("weighting"))
     fit.weighting = static_cast<Weighting>(weighting->one_of(weighting_names));
   if (const auto intervals = view.find("profile_intervals")) fit.profile_intervals = intervals->boolean();

@@ -247,7 +247,8 @@ void add_replay(CLI::App& app, Command& command) {
   replay->add_option("--config", options->config, "what the recording lacks, or what overrides it");
   replay->add_option("--model", options->model, "force model instead of the recorded one")
       ->check(CLI::IsMember(model_names()));
-  replay->add_option("--refine", options->refine, "at most this many refinements (0: the paper's method)");
+  replay->add_option("--refine", options->refine, "at most this many refinements (0: the paper's method)")
+      ->check(CLI::Range(0U, FitSettings::most_refinements));
   replay->add_option("--output", options->output, "pixel lines, as a live subscriber gets them (-: stdout)");
   replay->add_option("--fields", options->fields, "what a pixel line carries")
       ->check(CLI::IsMember({"fit", "tones", "all"}));

@@ -25,7 +25,8 @@ class CommandLine(SystemTest):
 
     def test_usage_errors_end_with_2(self):
         for command in [[COMBFORCED, "--no-such-option"], [COMBFORCE], [COMBFORCE, "no-such-command"],
-                        [COMBFORCE, "replay"], [COMBFORCE, "replay", "x.sigmf-meta", "--refine", "many"]]:
+                        [COMBFORCE, "replay"], [COMBFORCE, "replay", "x.sigmf-meta", "--refine", "many"],
+                        [COMBFORCE, "replay", "x.sigmf-meta", "--refine", "101"]]:
             done = run(*command)
             self.assertEqual(2, done.returncode, command)
             self.assertNotEqual("", done.stderr, command)
