@@ -9,6 +9,7 @@
 
 namespace combforce {
 
+// All 0: not known, as if there were none.
 struct Noise {
   double temperature_k = 0.0;  // >= 0
   // Detector noise as equivalent tip deflection, nm/sqrt(Hz), one-sided: one value for all tones, or one a

@@ -57,10 +57,17 @@ std::vector<std::complex<double>> motion_beside_deflection(const FitConditions& 
   return beside_nm;
 }
 
+// No instrument is without noise: it is not known then.
+bool is_none(const Noise& noise) {
+  return noise.temperature_k == 0.0 &&
+         std::ranges::all_of(noise.detector_nm_per_sqrt_hz, [](double density) { return density == 0.0; });
+}
+
 // The conditions as a force at the tip has them: the free motion of the whole tip, and where a background is
-// removed that near the surface, with the cantilever as it is there.
+// removed that near the surface, with the cantilever as it is there; the noise if there is any.
 FitConditions at_surface(const FitConditions& conditions, std::span<const std::complex<double>> beside_nm) {
   FitConditions here = conditions;
+  if (here.noise && is_none(*here.noise)) here.noise.reset();
   if (!here.free_response) return here;
   std::vector<std::complex<double>>& mean_nm = here.free_response->mean_nm;
   if (conditions.settings.background == Background::linear) {

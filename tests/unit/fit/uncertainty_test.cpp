@@ -155,14 +155,16 @@ TEST(Uncertainty, WindowsAveragedDivideTheVariance) {
 
 TEST(Uncertainty, WithoutANoiseModelNothingIsClaimed) {
   ModelPixel pixel = hertz_pixel();
-  pixel.conditions.noise.reset();
-  PixelFitter fitter(pixel.conditions);
-  FitResult result;
-  fitter.fit(pixel.tip_nm, result);
-  EXPECT_EQ(result.status, FitStatus::converged);
-  EXPECT_TRUE(std::isnan(result.std_errors[0]));
-  EXPECT_TRUE(std::isnan(result.correlation[0]));
-  EXPECT_TRUE(std::isnan(result.chi2_reduced));
+  for (const auto& noise : {std::optional<Noise>{}, std::optional(Noise{0.0, {0.0}})}) {
+    pixel.conditions.noise = noise;
+    PixelFitter fitter(pixel.conditions);
+    FitResult result;
+    fitter.fit(pixel.tip_nm, result);
+    EXPECT_EQ(result.status, FitStatus::converged);
+    EXPECT_TRUE(std::isnan(result.std_errors[0]));
+    EXPECT_TRUE(std::isnan(result.correlation[0]));
+    EXPECT_TRUE(std::isnan(result.chi2_reduced));
+  }
 }
 
 TEST(Uncertainty, MoreThanThirtyPercentIsIllConditioned) {
