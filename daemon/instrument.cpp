@@ -302,8 +302,9 @@ class Instrument::Impl {
       outputs_.event({.kind = "warning",
                       .first_sample = first_sample,
                       .count = 0,
-                      .text = "fit.background is \"linear\" and the free response has no lifted_nm: without a "
-                              "lifted response every pixel is no_free_response"});
+                      .text =
+                          "fit.background is \"linear\" and the free response has no lifted_nm: without a "
+                          "lifted response every pixel is no_free_response"});
   }
 
   // Of a stream that ended because it failed.

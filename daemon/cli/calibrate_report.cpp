@@ -148,9 +148,10 @@ void check_calibration(const ThermalResult& result, std::vector<std::string>& sa
   const double factor = result.settings.correction_factor;
   const auto& vendor = result.source.vendor;
   if (vendor && vendor->correction_factor && *vendor->correction_factor != factor)
-    said.push_back(fmt::format("the vendor's correction factor is {0:.6g}, not {1:.6g} as here: "
-                               "--correction-factor {0:.6g} for what compares with the vendor's stiffness",
-                               *vendor->correction_factor, factor));
+    said.push_back(
+        fmt::format("the vendor's correction factor is {0:.6g}, not {1:.6g} as here: "
+                    "--correction-factor {0:.6g} for what compares with the vendor's stiffness",
+                    *vendor->correction_factor, factor));
   if (factor != 1.0)
     said.push_back(fmt::format(
         "with a correction factor of {:.6g} stiffness is not that of the mode, which fits of forces need",
