@@ -238,6 +238,7 @@ class Instrument::Impl {
       Description description =
           overlay(description_of(configuration.digitizer.simulation), configuration.description);
       if (!description.channels) description.channels = digitizer_->info().channels;
+      warn_of_missing_lifted(0, description);
       return description;
     }
     const ReplaySettings& replay = configuration.digitizer.replay;

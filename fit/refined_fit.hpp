@@ -89,7 +89,7 @@ class RefinedFit {
     result.virial_nn_nm = measured.virial_nn_nm() + (best.converged ? off_comb_.virial_nn_nm : 0.0);
     result.dissipated_fw = measured.dissipated_fw() + (best.converged ? off_comb_.dissipated_fw : 0.0);
     // Costs are chi^2 when the weights come from noise.
-    if (measured.noise_known() && other.converged)
+    if (measured.noise_known() && other.converged && !within_noise(other.p, result))
       report_alternative(other.p, other.cost - best.cost, result);
     if (profile_intervals_ && whitening.by_noise && best.converged) profile(bounds, best, result);
   }
@@ -108,6 +108,7 @@ class RefinedFit {
   static constexpr int most_profile_trials = 8;
   static constexpr double profile_tolerance = 0.01;           // of a standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
+  static constexpr double same_errors = 0.1;                  // sqrt(`insignificant`) either way, and some
 
   // From a start and no motion off the comb.
   void try_start(const Parameters& start, const MeasuredForce& measured, const Whitening& whitening,
@@ -237,6 +238,12 @@ class RefinedFit {
   static bool same(const Parameters& a, const Parameters& b) {
     for (std::size_t k = 0; k < Model::parameters; ++k)
       if (!(std::abs(a[k] - b[k]) <= (k == 0 ? same_nm : same_share * std::abs(b[k])))) return false;
+    return true;
+  }
+  // Nearer to the result than two searches may end from one minimum.
+  static bool within_noise(const Parameters& p, const FitResult& result) {
+    for (std::size_t k = 0; k < Model::parameters; ++k)
+      if (!(std::abs(p[k] - result.parameters[k]) <= same_errors * result.std_errors[k])) return false;
     return true;
   }
   static std::array<bool, max_parameters> fixed(const Solution& solution) {

@@ -76,31 +76,37 @@ class SelfConsistentFit {
   Solution solve(const Parameters& p, std::size_t level, std::uint32_t most) {
     Solution solution;
     Coordinates x = balance_->coordinates(p), step = Coordinates::Zero(), whole = step;
-    best_.cost = std::numeric_limits<double>::infinity();
-    double damping = 0.0;
+    best_.cost = best_.inconsistency = std::numeric_limits<double>::infinity();
+    double damping = 0.0, promise = 0.0;  // of the cost, by the last step from the best point
     std::size_t watched = 0;
     while (solution.iterations < most && !solution.converged) {
       ++solution.iterations;
       linearize(x, level);
-      const bool better = is_better(current_, best_);
+      const bool better = is_better(current_, best_), finite = std::isfinite(current_.cost);
       if (better) {
         std::swap(current_, best_);
         damping = damping > least_damping ? 0.1 * damping : 0.0;
         watched = 0;
-      } else if (is_small(step, best_) || (watched == 0 && decrease(step, best_) <= insignificant_)) {
-        if (is_consistent(best_)) {
-          solution.converged = true;
-          break;
-        }
+      } else if (finite && is_consistent(best_) && is_small(step, best_)) {
+        solution.converged = true;
+        break;
+      } else if (finite && is_consistent(best_) && watched == 0 && damping <= least_damping &&
+                 promise <= insignificant_) {
+        go_back(level);
+        x = best_.x;
+        solution.converged = true;
+        break;
+      } else if (finite && current_.inconsistency < best_.inconsistency && is_small(step, best_)) {
         std::swap(current_, best_);  // so small a step tells the cost of the motion, not of the parameters
         watched = 0;
-      } else if (++watched > watch || !std::isfinite(current_.cost)) {
+      } else if (++watched > watch || !finite) {
         damping = std::max(30.0 * damping, least_damping);
         watched = 0;
       }
       const Linearized& from = watched > 0 ? current_ : best_;
       if (!std::isfinite(from.cost)) break;
       Coordinates next = damped_step(from, damping);
+      if (watched == 0) promise = decrease(next, from);
       const double shortening = balance_->shortening(from.x, next);
       if (better && shortening < 1.0 && decrease(next, from) <= insignificant_ && is_consistent(from)) {
         solution.converged = true;
@@ -222,8 +228,8 @@ class SelfConsistentFit {
   // The cost is that of a motion to first order only: one a little greater is worth as much where the motion
   // is closer to what the force makes of it (as in a filter: Fletcher, Leyffer 2002, Math. Program. 91, 239).
   static bool is_better(const Linearized& one, const Linearized& other) {
-    return one.cost < other.cost ||
-           (one.cost < forgiven * other.cost && one.inconsistency < closer * other.inconsistency);
+    return one.cost < other.cost || (!is_consistent(other) && one.cost < forgiven * other.cost &&
+                                     one.inconsistency < closer * other.inconsistency);
   }
 
   // The cost is that of the motion to 1e-3 or so.
@@ -262,6 +268,13 @@ class SelfConsistentFit {
         matrix_(index(2 * row + 1), index(2 * column + 1)) = one + y.imag();
       }
     factor_.compute(matrix_);
+  }
+
+  // Everything as at the best point, its motion a step further.
+  void go_back(std::size_t level) {
+    move(best_.x, best_);
+    linearize(Coordinates(best_.x), level);
+    std::swap(current_, best_);
   }
 
   // Residuals at the tones after the motion's step, and their total derivatives.

@@ -145,9 +145,12 @@ const BandFit* floor_of_detector(const ThermalResult& result) {
 }
 
 void check_calibration(const ThermalResult& result, std::vector<std::string>& said) {
+  if (floor_of_detector(result) == nullptr)
+    said.emplace_back("no fit tells the floor: detector noise is 0 in the calibration");
+  if (result.settings.known != KnownQuantity::sensitivity) return;  // stiffness is not by the factor
   const double factor = result.settings.correction_factor;
   const auto& vendor = result.source.vendor;
-  if (vendor && vendor->correction_factor && *vendor->correction_factor != factor)
+  if (vendor && vendor->correction_factor && std::abs(*vendor->correction_factor - factor) > 1e-6)
     said.push_back(
         fmt::format("the vendor's correction factor is {0:.6g}, not {1:.6g} as here: "
                     "--correction-factor {0:.6g} for what compares with the vendor's stiffness",
@@ -156,8 +159,6 @@ void check_calibration(const ThermalResult& result, std::vector<std::string>& sa
     said.push_back(fmt::format(
         "with a correction factor of {:.6g} stiffness is not that of the mode, which fits of forces need",
         factor));
-  if (floor_of_detector(result) == nullptr)
-    said.push_back("no fit tells the floor: detector noise is 0 in the calibration");
 }
 
 }  // namespace

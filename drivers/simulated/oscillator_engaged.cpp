@@ -206,6 +206,7 @@ void Oscillator::cross_in_pieces(double seconds) {
   int crossings = 0;
   double left = seconds, piece = seconds;
   while (left > 0.0) {
+    piece = std::max(piece, std::min(left, shortest));
     const Taylor taylor = this->taylor();
     evaluate_short<Model>(taylor, piece, tip, force);
     if (!one_sided(tip, kink) && crossings < most_crossings) {

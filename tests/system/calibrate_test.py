@@ -115,7 +115,7 @@ class Densities(CalibrateTest):
         self.assertNotIn(hint, vendors)
 
     def test_detector_noise_is_the_floor_that_is_known(self):
-        """A floor below 0 under the first mode; under the second 1e-12 V²/Hz, with 30 nm/V 30 pm/√Hz."""
+        """A floor below 0 under the first mode; under the second 1e-12 V²/Hz, with 30 nm/V 30 fm/√Hz."""
         draw = random.Random(5)
         density = [(f, oscillator(f, 50e3, 20, 3e-6) - 1e-13 if f < 100e3 else 1e-12 + oscillator(f, 300e3, 60, 1e-7))
                    for f in range(10_000, 400_000, 50)]
