@@ -77,7 +77,7 @@ class SelfConsistentFit {
     Solution solution;
     Coordinates x = balance_->coordinates(p), step = Coordinates::Zero(), whole = step;
     best_.cost = best_.inconsistency = std::numeric_limits<double>::infinity();
-    double damping = 0.0, promise = 0.0;  // of the cost, by the last step from the best point
+    double damping = 0.0;
     std::size_t watched = 0;
     while (solution.iterations < most && !solution.converged) {
       ++solution.iterations;
@@ -90,8 +90,8 @@ class SelfConsistentFit {
       } else if (finite && is_consistent(best_) && is_small(step, best_)) {
         solution.converged = true;
         break;
-      } else if (finite && is_consistent(best_) && watched == 0 && damping <= least_damping &&
-                 promise <= insignificant_) {
+      } else if (finite && is_consistent(best_) && watched == 0 && damping <= little_damping &&
+                 decrease(step, best_) <= insignificant_) {
         go_back(level);
         x = best_.x;
         solution.converged = true;
@@ -106,7 +106,6 @@ class SelfConsistentFit {
       const Linearized& from = watched > 0 ? current_ : best_;
       if (!std::isfinite(from.cost)) break;
       Coordinates next = damped_step(from, damping);
-      if (watched == 0) promise = decrease(next, from);
       const double shortening = balance_->shortening(from.x, next);
       if (better && shortening < 1.0 && decrease(next, from) <= insignificant_ && is_consistent(from)) {
         solution.converged = true;
@@ -378,6 +377,7 @@ class SelfConsistentFit {
   // then the search goes back (watchdog technique, Chamberlain et al. 1982).
   static constexpr std::size_t watch = 3;
   static constexpr double least_damping = 1e-8;
+  static constexpr double little_damping = 1.0;  // up to which a step promises a quarter of what there is
   static constexpr double most_relaxation = 10.0;
 
   std::size_t held_ = count;  // none
