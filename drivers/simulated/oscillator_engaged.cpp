@@ -200,7 +200,7 @@ Oscillator::Taylor Oscillator::taylor() const {
 template <typename Model>
 void Oscillator::cross_in_pieces(double seconds) {
   constexpr int most_crossings = 5;              // grazing tips may cross more than once
-  const double shortest = seconds / (1U << 14);  // beside a pole: 0.03 pm
+  const double shortest = seconds / (1U << 14);  // beside a pole: 0.06 pm
   const double kink = surface_nm<Model>(parameters_.data());
   Tip tip, force;
   int crossings = 0;
