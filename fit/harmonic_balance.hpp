@@ -9,6 +9,7 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
+#include <numbers>
 #include <span>
 #include <utility>
 #include <vector>
@@ -38,6 +39,8 @@ class HarmonicBalance {
         spectrum_(harmonics.highest_tone(), harmonics.band(), harmonics.spacing_hz()),
         motion_(harmonics.band() + 1),
         force_(harmonics.band() + 1),
+        smear_(harmonics.band() + 1),
+        shifted_(harmonics.band() + 1),
         tones_(harmonics.tones().size()),
         forces_(harmonics.tones().size()),
         whitening_(rows(), rows()),
@@ -104,10 +107,30 @@ class HarmonicBalance {
   void evaluate(const Parameters& p, std::size_t level) {
     complete_motion();
     spectrum_.template force<Model>(p.data(), level, force_);
+    add(1.0, smear_, force_);
   }
   void linearize(const Parameters& p, std::size_t level) {
     complete_motion();
     spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_, damping_);
+    add(1.0, smear_, force_);
+  }
+
+  // What is added to the model's force: its phasors of harmonics 0 … band, nN; at first 0.
+  const Spectrum& smear() const { return smear_; }
+  void set_smear(const Spectrum& smear) { smear_ = smear; }
+  void remove_smear() { std::ranges::fill(smear_, 0.0); }
+  // What heat adds on average to the force along the motion, where the tip's thermal motion about it is
+  // normal with this standard deviation over the period, nm, as phasors: by Gauss and Hermite's three points,
+  // exact for forces up to the fifth power of d. Uses up what evaluate() left.
+  void find_smear(const Parameters& p, std::size_t level, const Spectrum& deviation, Spectrum& smear) {
+    std::ranges::fill(smear, 0.0);
+    complete_motion();
+    for (const double points : {0.0, std::numbers::sqrt3, -std::numbers::sqrt3}) {
+      for (std::size_t n = 0; n < motion_.size(); ++n) shifted_[n] = motion_[n] + points * deviation[n];
+      spectrum_.set_motion(shifted_);
+      spectrum_.template force<Model>(p.data(), level, force_);
+      add(points == 0.0 ? -1.0 / 3.0 : 1.0 / 6.0, force_, smear);
+    }
   }
 
   // Phasors of harmonics 0 … band: the force, nN, and dF/dp_k.
@@ -147,6 +170,10 @@ class HarmonicBalance {
 
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
+  static void add(double share, const Spectrum& from, Spectrum& to) {
+    for (std::size_t n = 0; n < to.size(); ++n) to[n] += share * from[n];
+  }
+
   void complete_motion() {
     for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
     spectrum_.set_motion(motion_);
@@ -154,7 +181,7 @@ class HarmonicBalance {
 
   const Harmonics* harmonics_;
   ForceSpectrum spectrum_;
-  Spectrum motion_, force_;
+  Spectrum motion_, force_, smear_, shifted_;
   std::array<Spectrum, count> derivatives_;
   Spectrum damping_;  // dF/d(velocity)
   std::vector<Complex> tones_, forces_;

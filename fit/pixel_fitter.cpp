@@ -100,6 +100,7 @@ class PixelFitter::State {
         refers_(refers(conditions)),
         harmonics_(harmonics_of(conditions)),
         heat_(heat_of(conditions)),
+        spread_(spread_of(conditions)),
         measured_(refers_ ? conditions : without_motion(conditions)),
         balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         fitter_(fitter_of(conditions.settings)),
@@ -156,8 +157,8 @@ class PixelFitter::State {
 
   std::unique_ptr<Fitter> fitter_of(const FitSettings& settings) {
     const std::vector<Bounds> bounds = bounds_of(settings);
-    const FitterSetup setup{
-        balance_, tones_, bounds, harmonics_.get(), heat_.get(), settings.refine, settings.profile_intervals};
+    const FitterSetup setup{balance_,    tones_,        bounds,          harmonics_.get(),
+                            heat_.get(), spread_.get(), settings.refine, settings.profile_intervals};
     return visit_model(*model_, [&](auto type) { return make_fitter<decltype(type)>(setup); });
   }
 
@@ -194,6 +195,12 @@ class PixelFitter::State {
                                          conditions.windows);
   }
 
+  std::unique_ptr<ThermalSpread> spread_of(const FitConditions& conditions) const {
+    if (!heat_) return nullptr;
+    return std::make_unique<ThermalSpread>(*harmonics_, conditions.cantilever,
+                                           conditions.noise->temperature_k);
+  }
+
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
     if (tip_nm.size() != tones_)
       throw std::invalid_argument(fmt::format("tip_nm: {} values for {} tones", tip_nm.size(), tones_));
@@ -220,8 +227,9 @@ class PixelFitter::State {
   const ModelInfo* model_;
   std::size_t tones_;
   bool refers_;
-  std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
-  std::unique_ptr<EngagedHeat> heat_;     // null: so is that, or noise is not known
+  std::unique_ptr<Harmonics> harmonics_;   // null: the paper's fit
+  std::unique_ptr<EngagedHeat> heat_;      // null: so is that, or noise is not known
+  std::unique_ptr<ThermalSpread> spread_;  // the same
   MeasuredForce measured_;
   ForceBalance balance_;
   std::unique_ptr<Fitter> fitter_;

@@ -21,6 +21,7 @@
 #include "fit/measured_force.hpp"
 #include "fit/period_doubling.hpp"
 #include "fit/self_consistent.hpp"
+#include "fit/thermal_spread.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
 #include "fit/whitening.hpp"
@@ -33,11 +34,13 @@ class RefinedFit {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  // `most`: iterations from each start, at least 1. `harmonics`, and `heat` where noise is known (else null),
-  // outlive the fit.
-  RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, std::uint32_t most, bool profile_intervals)
+  // `most`: iterations from each start, at least 1. `harmonics`, and `heat` and `spread` where noise is known
+  // (else null), outlive the fit.
+  RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, ThermalSpread* spread, std::uint32_t most,
+             bool profile_intervals)
       : profile_intervals_(profile_intervals),
         heat_(heat),
+        spread_(spread),
         balance_(harmonics),
         fit_(balance_),
         loosened_(balance_),
@@ -52,6 +55,9 @@ class RefinedFit {
         root_(rows_, rows_),
         best_root_(rows_, rows_),
         factor_(rows_),
+        deviation_(harmonics.band() + 1),
+        smear_(harmonics.band() + 1),
+        best_smear_(harmonics.band() + 1),
         ones_(harmonics.tones().size(), 1.0) {}
 
   // Fills `result`. `starts`: best first, at least one, all tried; `further`, the softest surface last: tried
@@ -105,6 +111,7 @@ class RefinedFit {
   static constexpr double loose = 10.0, looser = 100.0;
   static constexpr double insignificant = 1e-3;         // of chi^2: a thirtieth of a standard error
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
+  static constexpr std::size_t most_rounds = 20;        // of the force's average over heat
   static constexpr int most_profile_trials = 8;
   static constexpr double profile_tolerance = 0.01;           // of a standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
@@ -121,6 +128,7 @@ class RefinedFit {
   bool try_loosened(Parameters start, double looseness, const MeasuredForce& measured,
                     const Whitening& whitening, Solution& best, Solution& other, FitResult& result) {
     balance_.set_whitening(whitening.root);
+    balance_.remove_smear();
     return loosened_.approach(start, quadrature_level, looseness, result.iterations) &&
            !solve(start, measured, whitening, best, other, result);
   }
@@ -129,15 +137,13 @@ class RefinedFit {
   bool solve(const Parameters& start, const MeasuredForce& measured, const Whitening& whitening,
              Solution& best, Solution& other, FitResult& result) {
     balance_.set_whitening(whitening.root);
+    balance_.remove_smear();
     Solution solution = fit_.solve(start, quadrature_level, most_);
     result.iterations += solution.iterations;
     if (solution.converged) {
       if (is_known(solution.p)) return false;
       const Parameters led = solution.p;
-      if (heat_ != nullptr && whiten_at_solution(measured)) {
-        solution = fit_.solve(solution.p, quadrature_level, most_);
-        result.iterations += solution.iterations;
-      }
+      if (heat_ != nullptr) warm_up(measured, solution, result);
       if (solution.converged) remember(led);
     }
     if (!better(solution, best)) {
@@ -148,6 +154,7 @@ class RefinedFit {
     best = solution;
     jacobian_ = fit_.jacobian();
     best_root_ = balance_.whitening();
+    best_smear_ = balance_.smear();
     off_comb_ = fit_.off_comb_exchange();
     lasting_ = balance_.harmonics().periods() == 1 || !doubling_.branches_off();
     estimate_quadrature_error(best, result);
@@ -160,6 +167,37 @@ class RefinedFit {
     return std::ranges::any_of(known, [&](const Parameters& other) { return same(p, other); });
   }
   void remember(const Parameters& p) { known_[known_count_++ % known_.size()] = p; }
+
+  // On from a solution with what heat does over this surface, to the noise and to the force's average, until
+  // that stays as it is.
+  void warm_up(const MeasuredForce& measured, Solution& solution, FitResult& result) {
+    for (std::size_t round = 0; round < most_rounds; ++round) {
+      if (!whiten_at_solution(measured)) return;
+      const bool smeared = smear_at_solution(solution.p);
+      if (round > 0 && !smeared) return;
+      solution = fit_.solve(solution.p, quadrature_level, most_);
+      result.iterations += solution.iterations;
+      if (!smeared || !solution.converged) return;
+    }
+    solution.converged = false;
+  }
+
+  // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion.
+  // Whether noise leaves anything of what that changes now. Where the motion is not stable nothing is known.
+  bool smear_at_solution(const Parameters& p) {
+    if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return false;
+    balance_.find_smear(p, quadrature_level, deviation_, smear_);
+    for (Eigen::Index i = 0; i < rows_ / 2; ++i) {
+      const std::size_t tone = balance_.harmonics().tones()[static_cast<std::size_t>(i)];
+      const std::complex<double> change = smear_[tone] - balance_.smear()[tone];
+      shift_(2 * i) = change.real();
+      shift_(2 * i + 1) = change.imag();
+    }
+    balance_.whiten(shift_);
+    if (!(shift_.squaredNorm() > insignificant)) return false;
+    balance_.set_smear(smear_);
+    return true;
+  }
 
   // What noise does depends on how the surface answers.
   bool whiten_at_solution(const MeasuredForce& measured) {
@@ -176,6 +214,7 @@ class RefinedFit {
   // Both ends of every parameter's interval. Uses up what fit_ and balance_ hold.
   void profile(std::span<const Bounds> bounds, const Solution& best, FitResult& result) {
     balance_.set_whitening(best_root_);
+    balance_.set_smear(best_smear_);
     for (std::size_t k = 0; k < Model::parameters; ++k)
       for (const double side : {-1.0, 1.0})
         result.intervals[k][side < 0.0 ? 0 : 1] = profile_end(bounds, best, k, side, result);
@@ -276,6 +315,7 @@ class RefinedFit {
 
   bool profile_intervals_;
   EngagedHeat* heat_;
+  ThermalSpread* spread_;
   HarmonicBalance<Model> balance_;
   SelfConsistentFit<Model> fit_;
   LoosenedBalance<Model> loosened_;
@@ -286,6 +326,7 @@ class RefinedFit {
   Eigen::VectorXd shift_;
   Eigen::MatrixXd stiffness_, thermal_, covariance_, root_, best_root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
+  typename HarmonicBalance<Model>::Spectrum deviation_, smear_, best_smear_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;
   bool lasting_ = true;  // of the best solution
