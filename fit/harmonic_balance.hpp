@@ -39,14 +39,15 @@ class HarmonicBalance {
         spectrum_(harmonics.highest_tone(), harmonics.band(), harmonics.spacing_hz()),
         motion_(harmonics.band() + 1),
         force_(harmonics.band() + 1),
-        smear_(harmonics.band() + 1),
-        shifted_(harmonics.band() + 1),
         tones_(harmonics.tones().size()),
         forces_(harmonics.tones().size()),
         whitening_(rows(), rows()),
         scratch_(rows()) {
-    for (auto& derivative : derivatives_) derivative.resize(motion_.size());
-    if (DependsOnVelocity<Model>) damping_.resize(motion_.size());
+    for (auto* derivatives : {&derivatives_, &derivatives_beside_})
+      for (Spectrum& derivative : *derivatives) derivative.resize(motion_.size());
+    for (Spectrum* spectrum : {&deviation_, &deviated_, &beside_}) spectrum->resize(motion_.size());
+    if (DependsOnVelocity<Model>)
+      for (Spectrum* damping : {&damping_, &damping_beside_}) damping->resize(motion_.size());
   }
 
   const Harmonics& harmonics() const { return *harmonics_; }
@@ -102,34 +103,41 @@ class HarmonicBalance {
   Spectrum& motion() { return motion_; }
   const Spectrum& motion() const { return motion_; }
 
+  // Heat moves the tip besides, normally distributed with this standard deviation over the period, nm, as
+  // phasors of harmonics 0 … band, all 0 at first: forces and derivatives are their means, by Gauss and
+  // Hermite's three points, exact for forces up to the fifth power of d.
+  void set_deviation(const Spectrum& deviation) { deviation_ = deviation; }
+  void remove_deviation() { std::ranges::fill(deviation_, 0.0); }
+  const Spectrum& deviation() const { return deviation_; }
+
   // Evaluates the model's force along the motion, with `linearize` also its derivatives, on this level of the
   // quadrature.
   void evaluate(const Parameters& p, std::size_t level) {
     complete_motion();
+    spectrum_.set_motion(motion_);
     spectrum_.template force<Model>(p.data(), level, force_);
-    add(1.0, smear_, force_);
+    if (!deviates()) return;
+    scale(still_share, force_);
+    for (const double side : {1.0, -1.0}) {
+      deviate(side);
+      spectrum_.template force<Model>(p.data(), level, beside_);
+      add(side_share, beside_, force_);
+    }
   }
   void linearize(const Parameters& p, std::size_t level) {
     complete_motion();
+    spectrum_.set_motion(motion_);
     spectrum_.template linearize<Model>(p.data(), level, force_, derivatives_, damping_);
-    add(1.0, smear_, force_);
-  }
-
-  // What is added to the model's force: its phasors of harmonics 0 … band, nN; at first 0.
-  const Spectrum& smear() const { return smear_; }
-  void set_smear(const Spectrum& smear) { smear_ = smear; }
-  void remove_smear() { std::ranges::fill(smear_, 0.0); }
-  // What heat adds on average to the force along the motion, where the tip's thermal motion about it is
-  // normal with this standard deviation over the period, nm, as phasors: by Gauss and Hermite's three points,
-  // exact for forces up to the fifth power of d. Uses up what evaluate() left.
-  void find_smear(const Parameters& p, std::size_t level, const Spectrum& deviation, Spectrum& smear) {
-    std::ranges::fill(smear, 0.0);
-    complete_motion();
-    for (const double points : {0.0, std::numbers::sqrt3, -std::numbers::sqrt3}) {
-      for (std::size_t n = 0; n < motion_.size(); ++n) shifted_[n] = motion_[n] + points * deviation[n];
-      spectrum_.set_motion(shifted_);
-      spectrum_.template force<Model>(p.data(), level, force_);
-      add(points == 0.0 ? -1.0 / 3.0 : 1.0 / 6.0, force_, smear);
+    if (!deviates()) return;
+    scale(still_share, force_);
+    scale(still_share, damping_);
+    for (auto& derivative : derivatives_) scale(still_share, derivative);
+    for (const double side : {1.0, -1.0}) {
+      deviate(side);
+      spectrum_.template linearize<Model>(p.data(), level, beside_, derivatives_beside_, damping_beside_);
+      add(side_share, beside_, force_);
+      add(side_share, damping_beside_, damping_);
+      for (std::size_t k = 0; k < count; ++k) add(side_share, derivatives_beside_[k], derivatives_[k]);
     }
   }
 
@@ -167,23 +175,35 @@ class HarmonicBalance {
  private:
   // Of the surface position, and relative, of the others.
   static constexpr double longest_step_nm = 2.0, longest_step = 0.7;
+  // Of Gauss and Hermite's points at 0 and at -+ sqrt(3) standard deviations.
+  static constexpr double still_share = 2.0 / 3.0, side_share = 1.0 / 6.0;
 
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
 
+  void complete_motion() {
+    for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
+  }
+  bool deviates() const { return deviation_[0].real() > 0.0; }
+  void deviate(double side) {
+    for (std::size_t n = 0; n < motion_.size(); ++n)
+      deviated_[n] = motion_[n] + side * std::numbers::sqrt3 * deviation_[n];
+    spectrum_.set_motion(deviated_);
+  }
+  static void scale(double share, Spectrum& values) {
+    for (Complex& value : values) value *= share;
+  }
   static void add(double share, const Spectrum& from, Spectrum& to) {
     for (std::size_t n = 0; n < to.size(); ++n) to[n] += share * from[n];
   }
 
-  void complete_motion() {
-    for (std::size_t i = 0; i < tones_.size(); ++i) motion_[harmonics_->tones()[i]] = tones_[i];
-    spectrum_.set_motion(motion_);
-  }
-
   const Harmonics* harmonics_;
   ForceSpectrum spectrum_;
-  Spectrum motion_, force_, smear_, shifted_;
+  Spectrum motion_, force_;
   std::array<Spectrum, count> derivatives_;
   Spectrum damping_;  // dF/d(velocity)
+  Spectrum deviation_, deviated_;
+  Spectrum beside_, damping_beside_;
+  std::array<Spectrum, count> derivatives_beside_;
   std::vector<Complex> tones_, forces_;
   Eigen::MatrixXd whitening_;  // L
   mutable Eigen::VectorXd scratch_;

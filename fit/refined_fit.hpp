@@ -56,8 +56,8 @@ class RefinedFit {
         best_root_(rows_, rows_),
         factor_(rows_),
         deviation_(harmonics.band() + 1),
-        smear_(harmonics.band() + 1),
-        best_smear_(harmonics.band() + 1),
+        deviation_before_(harmonics.band() + 1),
+        best_deviation_(harmonics.band() + 1),
         ones_(harmonics.tones().size(), 1.0) {}
 
   // Fills `result`. `starts`: best first, at least one, all tried; `further`, the softest surface last: tried
@@ -128,7 +128,7 @@ class RefinedFit {
   bool try_loosened(Parameters start, double looseness, const MeasuredForce& measured,
                     const Whitening& whitening, Solution& best, Solution& other, FitResult& result) {
     balance_.set_whitening(whitening.root);
-    balance_.remove_smear();
+    balance_.remove_deviation();
     return loosened_.approach(start, quadrature_level, looseness, result.iterations) &&
            !solve(start, measured, whitening, best, other, result);
   }
@@ -137,7 +137,7 @@ class RefinedFit {
   bool solve(const Parameters& start, const MeasuredForce& measured, const Whitening& whitening,
              Solution& best, Solution& other, FitResult& result) {
     balance_.set_whitening(whitening.root);
-    balance_.remove_smear();
+    balance_.remove_deviation();
     Solution solution = fit_.solve(start, quadrature_level, most_);
     result.iterations += solution.iterations;
     if (solution.converged) {
@@ -154,7 +154,7 @@ class RefinedFit {
     best = solution;
     jacobian_ = fit_.jacobian();
     best_root_ = balance_.whitening();
-    best_smear_ = balance_.smear();
+    best_deviation_ = balance_.deviation();
     off_comb_ = fit_.off_comb_exchange();
     lasting_ = balance_.harmonics().periods() == 1 || !doubling_.branches_off();
     estimate_quadrature_error(best, result);
@@ -173,30 +173,36 @@ class RefinedFit {
   void warm_up(const MeasuredForce& measured, Solution& solution, FitResult& result) {
     for (std::size_t round = 0; round < most_rounds; ++round) {
       if (!whiten_at_solution(measured)) return;
-      const bool smeared = smear_at_solution(solution.p);
-      if (round > 0 && !smeared) return;
+      const bool changed = spread_at_solution(solution.p);
+      if (round > 0 && !changed) return;
       solution = fit_.solve(solution.p, quadrature_level, most_);
       result.iterations += solution.iterations;
-      if (!smeared || !solution.converged) return;
+      if (!changed || !solution.converged) return;
     }
     solution.converged = false;
   }
 
   // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion.
-  // Whether noise leaves anything of what that changes now. Where the motion is not stable nothing is known.
-  bool smear_at_solution(const Parameters& p) {
+  // Whether noise leaves anything of what this changes now. Where the motion is not stable nothing is known.
+  bool spread_at_solution(const Parameters& p) {
     if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return false;
-    balance_.find_smear(p, quadrature_level, deviation_, smear_);
+    deviation_before_ = balance_.deviation();
+    shift_.setZero();
+    add_force(p, -1.0);
+    balance_.set_deviation(deviation_);
+    add_force(p, 1.0);
+    balance_.whiten(shift_);
+    if (shift_.squaredNorm() > insignificant) return true;
+    balance_.set_deviation(deviation_before_);
+    return false;
+  }
+  void add_force(const Parameters& p, double sign) {
+    balance_.evaluate(p, quadrature_level);
     for (Eigen::Index i = 0; i < rows_ / 2; ++i) {
       const std::size_t tone = balance_.harmonics().tones()[static_cast<std::size_t>(i)];
-      const std::complex<double> change = smear_[tone] - balance_.smear()[tone];
-      shift_(2 * i) = change.real();
-      shift_(2 * i + 1) = change.imag();
+      shift_(2 * i) += sign * balance_.force()[tone].real();
+      shift_(2 * i + 1) += sign * balance_.force()[tone].imag();
     }
-    balance_.whiten(shift_);
-    if (!(shift_.squaredNorm() > insignificant)) return false;
-    balance_.set_smear(smear_);
-    return true;
   }
 
   // What noise does depends on how the surface answers.
@@ -214,7 +220,7 @@ class RefinedFit {
   // Both ends of every parameter's interval. Uses up what fit_ and balance_ hold.
   void profile(std::span<const Bounds> bounds, const Solution& best, FitResult& result) {
     balance_.set_whitening(best_root_);
-    balance_.set_smear(best_smear_);
+    balance_.set_deviation(best_deviation_);
     for (std::size_t k = 0; k < Model::parameters; ++k)
       for (const double side : {-1.0, 1.0})
         result.intervals[k][side < 0.0 ? 0 : 1] = profile_end(bounds, best, k, side, result);
@@ -326,7 +332,7 @@ class RefinedFit {
   Eigen::VectorXd shift_;
   Eigen::MatrixXd stiffness_, thermal_, covariance_, root_, best_root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
-  typename HarmonicBalance<Model>::Spectrum deviation_, smear_, best_smear_;
+  typename HarmonicBalance<Model>::Spectrum deviation_, deviation_before_, best_deviation_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;
   bool lasting_ = true;  // of the best solution
