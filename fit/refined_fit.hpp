@@ -111,7 +111,8 @@ class RefinedFit {
   static constexpr double loose = 10.0, looser = 100.0;
   static constexpr double insignificant = 1e-3;         // of chi^2: a thirtieth of a standard error
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
-  static constexpr std::size_t most_rounds = 20;        // of the force's average over heat
+  static constexpr std::size_t most_rounds = 20;        // of the force's mean over heat
+  static constexpr double tolerable = 0.25;             // of chi^2: half a standard error
   static constexpr int most_profile_trials = 8;
   static constexpr double profile_tolerance = 0.01;           // of a standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
@@ -168,33 +169,46 @@ class RefinedFit {
   }
   void remember(const Parameters& p) { known_[known_count_++ % known_.size()] = p; }
 
-  // On from a solution with what heat does over this surface, to the noise and to the force's average, until
-  // that stays as it is.
+  // On from a solution with what heat does over this surface, to the noise and to the mean force, until that
+  // stays as it is. Where the search for this does not end, back to the force along the mean motion if the
+  // difference is small.
   void warm_up(const MeasuredForce& measured, Solution& solution, FitResult& result) {
-    for (std::size_t round = 0; round < most_rounds; ++round) {
+    const Parameters still = solution.p;
+    double first_change = 0.0;
+    for (std::size_t round = 0; round < most_rounds && solution.converged; ++round) {
       if (!whiten_at_solution(measured)) return;
-      const bool changed = spread_at_solution(solution.p);
-      if (round > 0 && !changed) return;
-      solution = fit_.solve(solution.p, quadrature_level, most_);
-      result.iterations += solution.iterations;
-      if (!changed || !solution.converged) return;
+      const double change = spread_at_solution(solution.p);
+      if (round == 0)
+        first_change = change;
+      else if (change == 0.0)
+        return;
+      solve_on(solution.p, solution, result);
+      if (change == 0.0) return;
     }
     solution.converged = false;
+    if (first_change > tolerable) return;
+    balance_.remove_deviation();
+    solve_on(still, solution, result);
+  }
+  void solve_on(const Parameters& from, Solution& solution, FitResult& result) {
+    solution = fit_.solve(from, quadrature_level, most_);
+    result.iterations += solution.iterations;
   }
 
   // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion.
-  // Whether noise leaves anything of what this changes now. Where the motion is not stable nothing is known.
-  bool spread_at_solution(const Parameters& p) {
-    if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return false;
+  // The chi^2 of what this changes now; 0 where noise leaves nothing of it, or the motion is not stable and
+  // nothing is known.
+  double spread_at_solution(const Parameters& p) {
+    if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return 0.0;
     deviation_before_ = balance_.deviation();
     shift_.setZero();
     add_force(p, -1.0);
     balance_.set_deviation(deviation_);
     add_force(p, 1.0);
     balance_.whiten(shift_);
-    if (shift_.squaredNorm() > insignificant) return true;
+    if (const double change = shift_.squaredNorm(); change > insignificant) return change;
     balance_.set_deviation(deviation_before_);
-    return false;
+    return 0.0;
   }
   void add_force(const Parameters& p, double sign) {
     balance_.evaluate(p, quadrature_level);
