@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -23,6 +24,21 @@ std::array<double, 4> values_of(const Mode& mode) {
 
 Eigen::Index index(std::size_t i) {
   return static_cast<Eigen::Index>(i);
+}
+
+// Correlations as some four quantities may have them: not as A with B, B with C, but A against C.
+void require_possible(std::size_t mode, const std::array<double, 6>& correlation) {
+  if (!std::ranges::all_of(correlation, [](double value) { return std::isfinite(value); })) return;
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+  std::size_t next = 0;
+  for (Eigen::Index i = 0; i < 4; ++i)
+    for (Eigen::Index j = i + 1; j < 4; ++j) matrix(i, j) = matrix(j, i) = correlation[next++];
+  const double least =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>(matrix, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
+  constexpr double rounded = -1e-3;  // written with four digits
+  if (!(least >= rounded))
+    throw std::invalid_argument(fmt::format(
+        "cantilever.uncertainty[{}].correlation: least eigenvalue {:.3g}, must be >= 0", mode, least));
 }
 
 }  // namespace
@@ -78,6 +94,8 @@ void validate(const Cantilever& cantilever) {
   if (!cantilever.uncertainty.empty() && cantilever.uncertainty.size() != cantilever.modes.size())
     throw std::invalid_argument(fmt::format("cantilever.uncertainty: {} elements, must have {}, one a mode",
                                             cantilever.uncertainty.size(), cantilever.modes.size()));
+  for (std::size_t m = 0; m < cantilever.uncertainty.size(); ++m)
+    require_possible(m, cantilever.uncertainty[m].correlation);
 }
 
 std::complex<double> mode_response(const Mode& mode, double frequency_hz) {

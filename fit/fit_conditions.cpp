@@ -63,10 +63,17 @@ void validate_free_response(const FreeResponse& free, std::size_t tones) {
                                             free.covariance->size(), 4 * tones * tones, tones));
 }
 
+// `setting`: "settings.FIELD: value", which needs to know the noise.
+void require_noise(const FitConditions& conditions, const char* setting) {
+  if (!conditions.noise)
+    throw std::invalid_argument(fmt::format("{}, but conditions.noise is missing", setting));
+  if (*conditions.noise == Noise{0.0, std::vector(conditions.noise->detector_nm_per_sqrt_hz.size(), 0.0)})
+    throw std::invalid_argument(fmt::format("{}, but noise is all 0: not known", setting));
+}
+
 void validate_weighting(const FitConditions& conditions) {
   if (conditions.settings.weighting == Weighting::none) return;
-  if (!conditions.noise)
-    throw std::invalid_argument("settings.weighting: noise, but conditions.noise is missing");
+  require_noise(conditions, "settings.weighting: noise");
   const auto& detector = conditions.noise->detector_nm_per_sqrt_hz;
   if (conditions.noise->temperature_k == 0.0 && std::ranges::find(detector, 0.0) != detector.end())
     throw std::invalid_argument(
@@ -78,8 +85,7 @@ void validate_intervals(const FitConditions& conditions) {
   if (conditions.settings.refine == 0)
     throw std::invalid_argument(
         "settings.profile_intervals: true, but settings.refine is 0, must be at least 1");
-  if (!conditions.noise)
-    throw std::invalid_argument("settings.profile_intervals: true, but conditions.noise is missing");
+  require_noise(conditions, "settings.profile_intervals: true");
 }
 
 void validate_refine(const FitSettings& settings) {
@@ -96,8 +102,7 @@ void validate_comparison(const FitConditions& conditions) {
   if (settings.compare.size() > most_compared)
     throw std::invalid_argument(
         fmt::format("settings.compare: {} models, must be <= {}", settings.compare.size(), most_compared));
-  if (!conditions.noise)
-    throw std::invalid_argument("settings.compare: not empty, but conditions.noise is missing");
+  require_noise(conditions, "settings.compare: not empty");
   if (settings.refine == 0 && settings.weighting == Weighting::none)
     throw std::invalid_argument(
         "settings.compare: not empty, but settings.weighting is none and settings.refine 0: chi^2 is the "

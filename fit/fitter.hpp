@@ -26,7 +26,7 @@ struct FitterSetup {
   std::span<const Bounds> bounds;  // one a parameter
   const Harmonics* harmonics;      // outlives the fitter; null: the paper's fit
   EngagedHeat* heat;               // of a refined fit, outlives the fitter; null: noise is not known
-  ThermalSpread* spread;           // the same
+  ThermalSpread* spread;           // the same; null also where heat moves the lever too little to matter
   std::uint32_t refine;            // iterations beyond the paper's fit, from each start
   bool profile_intervals;          // of a refined fit
 };

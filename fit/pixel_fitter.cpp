@@ -195,10 +195,14 @@ class PixelFitter::State {
                                          conditions.windows);
   }
 
+  // A lever that heat moves less than this feels the force of its mean motion, to a tenth of the standard
+  // errors of one window.
   std::unique_ptr<ThermalSpread> spread_of(const FitConditions& conditions) const {
+    constexpr double felt_nm = 0.05;
     if (!heat_) return nullptr;
-    return std::make_unique<ThermalSpread>(*harmonics_, conditions.cantilever,
-                                           conditions.noise->temperature_k);
+    auto spread =
+        std::make_unique<ThermalSpread>(*harmonics_, conditions.cantilever, conditions.noise->temperature_k);
+    return spread->free_variance() < felt_nm * felt_nm ? nullptr : std::move(spread);
   }
 
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
@@ -229,7 +233,7 @@ class PixelFitter::State {
   bool refers_;
   std::unique_ptr<Harmonics> harmonics_;   // null: the paper's fit
   std::unique_ptr<EngagedHeat> heat_;      // null: so is that, or noise is not known
-  std::unique_ptr<ThermalSpread> spread_;  // the same
+  std::unique_ptr<ThermalSpread> spread_;  // the same, or the lever is stiff
   MeasuredForce measured_;
   ForceBalance balance_;
   std::unique_ptr<Fitter> fitter_;

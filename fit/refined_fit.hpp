@@ -34,8 +34,8 @@ class RefinedFit {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  // `most`: iterations from each start, at least 1. `harmonics`, and `heat` and `spread` where noise is known
-  // (else null), outlive the fit.
+  // `most`: iterations from each start, at least 1. `harmonics`, `heat` where noise is known and `spread`
+  // where it matters (else null) outlive the fit.
   RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, ThermalSpread* spread, std::uint32_t most,
              bool profile_intervals)
       : profile_intervals_(profile_intervals),
@@ -112,6 +112,7 @@ class RefinedFit {
   static constexpr double insignificant = 1e-3;         // of chi^2: a thirtieth of a standard error
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
   static constexpr std::size_t most_rounds = 20;        // of the force's mean over heat
+  static constexpr double negligible = 0.05 * 0.05;     // of chi^2: a twentieth of a standard error
   static constexpr double tolerable = 0.25;             // of chi^2: half a standard error
   static constexpr int most_profile_trials = 8;
   static constexpr double profile_tolerance = 0.01;           // of a standard error
@@ -176,8 +177,10 @@ class RefinedFit {
     const Parameters still = solution.p;
     double first_change = 0.0;
     for (std::size_t round = 0; round < most_rounds && solution.converged; ++round) {
+      fit_.stiffness_at_tones(stiffness_);
+      heat_->covariance(balance_.gradient(), thermal_);
+      const double change = spread_at_solution(solution);
       if (!whiten_at_solution(measured)) return;
-      const double change = spread_at_solution(solution.p);
       if (round == 0)
         first_change = change;
       else if (change == 0.0)
@@ -196,17 +199,23 @@ class RefinedFit {
   }
 
   // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion.
-  // The chi^2 of what this changes now; 0 where noise leaves nothing of it, or the motion is not stable and
-  // nothing is known.
-  double spread_at_solution(const Parameters& p) {
-    if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return 0.0;
+  // The chi^2 by which what this changes now moves the parameters; 0 where noise leaves nothing of it, the
+  // lever is stiff, or the motion is not stable and nothing is known.
+  double spread_at_solution(const Solution& solution) {
+    if (spread_ == nullptr ||
+        !spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_))
+      return 0.0;
     deviation_before_ = balance_.deviation();
     shift_.setZero();
-    add_force(p, -1.0);
+    add_force(solution.p, -1.0);
     balance_.set_deviation(deviation_);
-    add_force(p, 1.0);
+    add_force(solution.p, 1.0);
     balance_.whiten(shift_);
-    if (const double change = shift_.squaredNorm(); change > insignificant) return change;
+    const auto moved = minimum_shift(Linearization{fit_.jacobian(), ones_, fixed(solution)}, shift_);
+    const Eigen::Map<const Eigen::Matrix<double, Model::parameters, 1>> step(moved.data());
+    shift_.noalias() = fit_.jacobian().lazyProduct(step);
+    const double change = shift_.squaredNorm();
+    if (change > negligible) return change;
     balance_.set_deviation(deviation_before_);
     return 0.0;
   }
@@ -221,8 +230,6 @@ class RefinedFit {
 
   // What noise does depends on how the surface answers.
   bool whiten_at_solution(const MeasuredForce& measured) {
-    fit_.stiffness_at_tones(stiffness_);
-    heat_->covariance(balance_.gradient(), thermal_);
     measured.covariance_at(stiffness_, thermal_, covariance_);
     factor_.compute(covariance_);
     if (factor_.info() != Eigen::Success || !covariance_.allFinite()) return false;
