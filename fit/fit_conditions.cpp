@@ -37,11 +37,11 @@ void validate_bounds(const FitSettings& settings) {
       throw std::invalid_argument(fmt::format("settings.bounds[{}].parameter: \"{}\", not of model {}", i,
                                               own.parameter, settings.model));
     if (!std::isfinite(own.lower) || !std::isfinite(own.upper) || !(own.lower < own.upper))
-      throw std::invalid_argument(fmt::format("settings.bounds[{}]: {} to {}, must be finite and ascending",
-                                              i, own.lower, own.upper));
+      throw std::invalid_argument(fmt::format("settings.bounds.{}: {} to {}, must be finite and ascending",
+                                              own.parameter, own.lower, own.upper));
     if (info->lower > 0.0 && !(own.lower > 0.0))
       throw std::invalid_argument(
-          fmt::format("settings.bounds[{}].lower: {}, must be positive for {}", i, own.lower, own.parameter));
+          fmt::format("settings.bounds.{}[0]: {}, must be positive", own.parameter, own.lower));
   }
 }
 

@@ -58,10 +58,6 @@ ParameterBounds decode_bounds(const JsonView& bounds, const std::string& paramet
     view.fail(fmt::format("is no parameter of model \"{}\"; it has {}", models.front()->name, names));
   }
   const auto [lower, upper] = interval(view);
-  for (const ModelInfo* model : models)
-    for (const ParameterInfo& info : model->parameters)
-      if (info.name == parameter && info.lower > 0.0 && !(lower > 0.0))
-        view.elements().front().fail(fmt::format("is {}, must be positive", lower));
   return {parameter, lower, upper};
 }
 

@@ -57,11 +57,28 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{[](auto& c) {
                   c.settings.bounds = {{"adhesion_nn", 2.0, 1.0}};
                 },
-                "settings.bounds[0]: 2 to 1"},
+                "settings.bounds.adhesion_nn: 2 to 1"},
         Mistake{[](auto& c) {
                   c.settings.bounds = {{"adhesion_nn", 0.0, 1.0}};
                 },
-                "settings.bounds[0].lower: 0"},
+                "settings.bounds.adhesion_nn[0]: 0, must be positive"},
+        Mistake{[](auto& c) {
+                  c.noise = Noise{0.0, {0.0, 0.0}};
+                  c.settings.refine = 1;
+                  c.settings.profile_intervals = true;
+                },
+                "settings.profile_intervals: true, but noise is all 0"},
+        Mistake{[](auto& c) {
+                  c.noise = Noise{0.0, {0.0}};
+                  c.settings.refine = 1;
+                  c.settings.compare = {"hertz"};
+                },
+                "settings.compare: not empty, but noise is all 0"},
+        Mistake{[](auto& c) {
+                  c.cantilever.uncertainty.resize(c.cantilever.modes.size());
+                  c.cantilever.uncertainty[1].correlation = {0.9, 0.9, 0.0, -0.9, 0.0, 0.0};
+                },
+                "cantilever.uncertainty[1].correlation: least eigenvalue -0.8, must be >= 0"},
         Mistake{[](auto& c) {
                   c.noise.reset();
                   c.settings.weighting = Weighting::noise;
