@@ -15,17 +15,18 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <complex>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <span>
 #include <vector>
 
+#include "fit/coupled_motion.hpp"
 #include "fit/harmonic_balance.hpp"
 #include "fit/harmonics.hpp"
 
@@ -51,12 +52,10 @@ class SelfConsistentFit {
       : balance_(&balance),
         harmonics_(&balance.harmonics()),
         rows_(balance.rows()),
-        unknowns_(static_cast<Eigen::Index>(2 * harmonics_->strong().size())),
-        matrix_(unknowns_, unknowns_),
-        factor_(unknowns_),
-        right_(unknowns_),
-        solved_(unknowns_),
-        response_(unknowns_, rows_) {
+        coupled_(*harmonics_),
+        moved_(harmonics_->band() + 1),
+        forces_(harmonics_->tones().size()),
+        slopes_(harmonics_->tones().size()) {
     const std::size_t size = harmonics_->band() + 1;
     for (Linearized* at : {&current_, &best_}) {
       at->base.resize(size);
@@ -135,31 +134,21 @@ class SelfConsistentFit {
   const Eigen::MatrixXd& jacobian() const { return best_.jacobian; }
 
   // Of the last solution, when it converged: dF_model/dd, nN/nm, by (re, im) of every tone's motion, the
-  // motion off the comb following in its strongly coupled part. rows x rows.
+  // motion off the comb following. rows x rows.
   void stiffness_at_tones(Eigen::MatrixXd& derivative) {
-    const auto& strong = harmonics_->strong();
     const auto tones = harmonics_->tones();
-    balance_->couple(strong, tones, response_);
-    for (std::size_t s = 0; s < strong.size(); ++s) {
-      const Complex chi = harmonics_->response()[strong[s]];
-      for (Eigen::Index column = 0; column < rows_; ++column) {
-        const Complex moved =
-            chi * Complex(response_(index(2 * s), column), response_(index(2 * s + 1), column));
-        response_(index(2 * s), column) = moved.real();
-        response_(index(2 * s + 1), column) = moved.imag();
-      }
-    }
-    balance_->couple(tones, tones, derivative);
-    const ForceGradient gradient = balance_->gradient();
     for (Eigen::Index column = 0; column < rows_; ++column) {
-      solved_ = factor_.solve(response_.col(column));
-      for (std::size_t i = 0; i < tones.size(); ++i)
-        for (std::size_t s = 0; s < strong.size(); ++s) {
-          const auto [re, im] = gradient.coupling(tones[i], strong[s]);
-          const Complex change = re * solved_(index(2 * s)) + im * solved_(index(2 * s + 1));
-          derivative(index(2 * i), column) += change.real();
-          derivative(index(2 * i + 1), column) += change.imag();
-        }
+      std::ranges::fill(moved_, 0.0);
+      const Complex one = column % 2 == 0 ? Complex(1.0, 0.0) : Complex(0.0, 1.0);
+      moved_[tones[static_cast<std::size_t>(column / 2)]] = one;
+      coupled_.force(moved_, forces_);
+      coupled_.respond(moved_);
+      coupled_.solve(moved_, response_tolerance);
+      coupled_.force(moved_, slopes_);
+      for (std::size_t i = 0; i < tones.size(); ++i) {
+        derivative(index(2 * i), column) = (forces_[i] + slopes_[i]).real();
+        derivative(index(2 * i + 1), column) = (forces_[i] + slopes_[i]).imag();
+      }
     }
   }
 
@@ -214,13 +203,14 @@ class SelfConsistentFit {
   void linearize(const Coordinates& x, std::size_t level) {
     balance_->linearize(balance_->parameters(x), level);
     current_.x = x;
-    factorize();
-    respond(balance_->force(), balance_->motion(), current_.base);
+    coupled_.set_gradient(balance_->gradient());
+    respond(balance_->force(), balance_->motion(), current_.base, motion_tolerance);
     current_.inconsistency = 0.0;
     for (std::size_t n = 0; n < current_.base.size(); ++n)
       if (!harmonics_->is_tone(n))
         current_.inconsistency += std::norm(current_.base[n] - balance_->motion()[n]);
-    for (std::size_t k = 0; k < count; ++k) respond(balance_->derivative(k), {}, current_.response[k]);
+    for (std::size_t k = 0; k < count; ++k)
+      respond(balance_->derivative(k), {}, current_.response[k], response_tolerance);
     project();
   }
 
@@ -234,39 +224,14 @@ class SelfConsistentFit {
   // The cost is that of the motion to 1e-3 or so.
   static bool is_consistent(const Linearized& at) { return at.inconsistency < consistent_nm * consistent_nm; }
 
-  // motion + do where (1 - chi G) do = chi force - motion; strong bins densely, others by substitution.
-  void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out) {
+  // motion + do where (1 - chi G) do = chi force - motion.
+  void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out, double tolerance) {
     const auto& chi = harmonics_->response();
-    for (std::size_t n = 0; n < out.size(); ++n) out[n] = chi[n] * force[n];
-    const auto& strong = harmonics_->strong();
-    for (std::size_t s = 0; s < strong.size(); ++s) {
-      const Complex rho = out[strong[s]] - (motion.empty() ? 0.0 : motion[strong[s]]);
-      right_(index(2 * s)) = rho.real();
-      right_(index(2 * s + 1)) = rho.imag();
-    }
-    solved_ = factor_.solve(right_);
-    for (std::size_t s = 0; s < strong.size(); ++s)
-      out[strong[s]] = (motion.empty() ? 0.0 : motion[strong[s]]) +
-                       Complex(solved_(index(2 * s)), solved_(index(2 * s + 1)));
-    for (const std::size_t tone : harmonics_->tones()) out[tone] = 0.0;
-    out[0] = out[0].real();
-  }
-
-  void factorize() {
-    const auto& strong = harmonics_->strong();
-    const auto& chi = harmonics_->response();
-    const ForceGradient gradient = balance_->gradient();
-    for (std::size_t column = 0; column < strong.size(); ++column)
-      for (std::size_t row = 0; row < strong.size(); ++row) {
-        const auto [re, im] = gradient.coupling(strong[row], strong[column]);
-        const Complex x = -chi[strong[row]] * re, y = -chi[strong[row]] * im;
-        const double one = row == column ? 1.0 : 0.0;
-        matrix_(index(2 * row), index(2 * column)) = one + x.real();
-        matrix_(index(2 * row + 1), index(2 * column)) = x.imag();
-        matrix_(index(2 * row), index(2 * column + 1)) = y.real();
-        matrix_(index(2 * row + 1), index(2 * column + 1)) = one + y.imag();
-      }
-    factor_.compute(matrix_);
+    for (std::size_t n = 0; n < out.size(); ++n)
+      out[n] = chi[n] * force[n] - (motion.empty() ? 0.0 : motion[n]);
+    coupled_.solve(out, tolerance);
+    for (std::size_t n = 0; n < motion.size(); ++n)
+      if (!harmonics_->is_tone(n)) out[n] += motion[n];
   }
 
   // Everything as at the best point, its motion a step further.
@@ -278,26 +243,21 @@ class SelfConsistentFit {
 
   // Residuals at the tones after the motion's step, and their total derivatives.
   void project() {
-    const Spectrum& motion = balance_->motion();
-    const ForceGradient gradient = balance_->gradient();
-    for (std::size_t i = 0; i < harmonics_->tones().size(); ++i) {
-      const std::size_t tone = harmonics_->tones()[i];
-      Complex residual = balance_->residual(i);
-      std::array<Complex, count> slopes;
-      for (std::size_t k = 0; k < count; ++k) slopes[k] = balance_->derivative(k)[tone];
-      for (std::size_t n = 0; n < motion.size(); ++n) {
-        if (harmonics_->is_tone(n)) continue;
-        const auto [re, im] = gradient.coupling(tone, n);
-        const Complex step = current_.base[n] - motion[n];
-        residual += re * step.real() + im * step.imag();
-        for (std::size_t k = 0; k < count; ++k)
-          slopes[k] += re * current_.response[k][n].real() + im * current_.response[k][n].imag();
-      }
+    const auto tones = harmonics_->tones();
+    std::ranges::transform(current_.base, balance_->motion(), moved_.begin(), std::minus{});
+    for (const std::size_t tone : tones) moved_[tone] = 0.0;
+    coupled_.force(moved_, forces_);
+    for (std::size_t i = 0; i < tones.size(); ++i) {
+      const Complex residual = balance_->residual(i) + forces_[i];
       current_.residuals(index(2 * i)) = residual.real();
       current_.residuals(index(2 * i + 1)) = residual.imag();
-      for (std::size_t k = 0; k < count; ++k) {
-        current_.jacobian(index(2 * i), index(k)) = slopes[k].real();
-        current_.jacobian(index(2 * i + 1), index(k)) = slopes[k].imag();
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      coupled_.force(current_.response[k], slopes_);
+      for (std::size_t i = 0; i < tones.size(); ++i) {
+        const Complex slope = balance_->derivative(k)[tones[i]] + slopes_[i];
+        current_.jacobian(index(2 * i), index(k)) = slope.real();
+        current_.jacobian(index(2 * i + 1), index(k)) = slope.imag();
       }
     }
     balance_->whiten(current_.residuals);
@@ -369,6 +329,8 @@ class SelfConsistentFit {
     }
   }
 
+  // Of what CoupledMotion is to solve.
+  static constexpr double motion_tolerance = 1e-2, response_tolerance = 1e-2;
   static constexpr double consistent_nm = 1e-4;
   static constexpr double forgiven = 1.1, closer = 0.5;  // of cost and inconsistency
   static constexpr double cost_tolerance = 1e-6;         // relative
@@ -384,11 +346,10 @@ class SelfConsistentFit {
   double insignificant_ = 0.0;
   HarmonicBalance<Model>* balance_;
   const Harmonics* harmonics_;
-  Eigen::Index rows_, unknowns_;
-  Eigen::MatrixXd matrix_;
-  Eigen::PartialPivLU<Eigen::MatrixXd> factor_;
-  Eigen::VectorXd right_, solved_;
-  Eigen::MatrixXd response_;  // of the motion off the comb to that at the tones
+  Eigen::Index rows_;
+  CoupledMotion coupled_;
+  Spectrum moved_;
+  std::vector<Complex> forces_, slopes_;  // one a tone
   Linearized current_, best_;
 };
 
