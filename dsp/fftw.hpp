@@ -4,6 +4,7 @@
 
 #include <fftw3.h>
 
+#include <cstddef>
 #include <memory>
 #include <mutex>
 #include <type_traits>
@@ -12,6 +13,9 @@ namespace combforce {
 
 // To be held while any FFTW plan of the program is made; FreeFftw takes it to destroy one.
 std::mutex& fftw_planner_mutex();
+
+// The next even number without prime factors beyond 5: sizes that FFTW is quick with.
+std::size_t quick_fft_size(std::size_t least);
 
 struct FreeFftw {
   void operator()(void* memory) const { fftw_free(memory); }

@@ -6,22 +6,8 @@
 #include <numbers>
 
 namespace combforce {
-namespace {
-
-// The next even number without prime factors beyond 5: what FFTW does quickly.
-std::size_t quick_size(std::size_t least) {
-  for (std::size_t size = least + least % 2;; size += 2) {
-    std::size_t rest = size;
-    for (const std::size_t factor : {2U, 3U, 5U})
-      while (rest % factor == 0) rest /= factor;
-    if (rest == 1) return size;
-  }
-}
-
-}  // namespace
-
 CellTransform::CellTransform(std::size_t highest_tone, std::size_t band)
-    : band_(band), cells_(quick_size(std::max({std::size_t{8}, 2 * highest_tone, 2 * band / 3 + 1}))) {
+    : band_(band), cells_(quick_fft_size(std::max({std::size_t{8}, 2 * highest_tone, 2 * band / 3 + 1}))) {
   for (std::size_t n = 0; n <= band; ++n) {
     const double theta = std::numbers::pi * static_cast<double>(n) / static_cast<double>(cells_);
     expansion_.push_back(expand_exponential(theta));

@@ -225,11 +225,11 @@ class SelfConsistentFit {
   static bool is_consistent(const Linearized& at) { return at.inconsistency < consistent_nm * consistent_nm; }
 
   // motion + do where (1 - chi G) do = chi force - motion.
-  void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out, double tolerance) {
+  void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out, double relative) {
     const auto& chi = harmonics_->response();
     for (std::size_t n = 0; n < out.size(); ++n)
       out[n] = chi[n] * force[n] - (motion.empty() ? 0.0 : motion[n]);
-    coupled_.solve(out, tolerance);
+    coupled_.solve(out, relative);
     for (std::size_t n = 0; n < motion.size(); ++n)
       if (!harmonics_->is_tone(n)) out[n] += motion[n];
   }

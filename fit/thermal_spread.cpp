@@ -1,7 +1,6 @@
 #include "fit/thermal_spread.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <mutex>
 #include <numbers>
@@ -19,7 +18,7 @@ constexpr double settled = 1e-3;
 }  // namespace
 
 ThermalSpread::ThermalSpread(const Harmonics& harmonics, const Cantilever& cantilever, double temperature_k)
-    : size_(std::bit_ceil(3 * harmonics.band() + 2)),
+    : size_(quick_fft_size(3 * harmonics.band() + 2)),
       band_(harmonics.band()),
       step_s_(1.0 / (harmonics.spacing_hz() * static_cast<double>(size_))),
       // The variance relaxes twice as fast as the amplitude: within a thousandth after 3.5 ring-down times.
