@@ -11,10 +11,6 @@ namespace {
 // pixels of products about one mode on stiff contacts did not settle; at 0.02, 7 times, 2, as at 0.003.
 constexpr double least_compliance = 0.02;
 
-Eigen::Index index(std::size_t i) {
-  return static_cast<Eigen::Index>(i);
-}
-
 std::size_t count_coupled(const Harmonics& harmonics) {
   const auto& chi = harmonics.response();
   std::size_t last = harmonics.highest_tone();

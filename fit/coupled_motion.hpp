@@ -43,6 +43,8 @@ class CoupledMotion {
  private:
   static constexpr std::size_t most_directions = 16;
 
+  static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
   void feel(std::span<const Complex> motion);
   void apply(const Eigen::VectorXd& in, Eigen::VectorXd& out);
   void precondition(const Eigen::VectorXd& in, Eigen::VectorXd& out);

@@ -8,9 +8,8 @@
 //
 // Gauss-Newton on p and o together. With G the spectrum of F'(d(t)), a change of motion changes the force at
 // n by sum_m G_(n-m) o_m + conjugate part, so the constraint linearised is (1 - chi G) do = chi dF/dp dp +
-// rho. It is solved densely for the bins that couple most strongly (sidebands of the modes, above all of soft
-// ones) and by substitution elsewhere. Plain substitution alone diverges for stiff contacts and low
-// set-points.
+// rho, which coupled_motion.hpp solves for all harmonics at once: substitution diverges for stiff contacts
+// and low set-points.
 #pragma once
 
 #include <Eigen/Cholesky>

@@ -18,7 +18,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double temperature_k = 300.0, heat_nn_nm = boltzmann_nn_nm_per_k * temperature_k;
+constexpr double room_k = 300.0, heat_nn_nm = boltzmann_nn_nm_per_k * room_k;
 
 // In liquid; the surface changes with the first mode's period, 1 ms.
 const Cantilever soft{{{1e3, 2.0, 0.05, 1.0}, {6.3e3, 5.0, 1.9, 1.0}}};
@@ -52,7 +52,7 @@ struct Spread {
 
 Spread spread_over(const Surface& surface, const Cantilever& cantilever, double seen = 0.0) {
   const Harmonics harmonics = test::harmonics(cantilever);
-  ThermalSpread spread(harmonics, cantilever, temperature_k);
+  ThermalSpread spread(harmonics, cantilever, room_k);
   std::vector<Complex> damping = surface.friction;
   for (Complex& phasor : damping) phasor = -phasor;  // dF/d(velocity); dF/dp0 = -dF/dd is the stiffness
   Spread result{false, std::vector<Complex>(harmonics.band() + 1)};
@@ -158,7 +158,7 @@ TEST(ThermalSpread, IsNotKnownWhereTheMotionGrows) {
 TEST(ThermalSpread, DoesNotAllocate) {
   COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
   const Harmonics harmonics = test::harmonics(soft);
-  ThermalSpread spread(harmonics, soft, temperature_k);
+  ThermalSpread spread(harmonics, soft, room_k);
   const std::vector<Complex> by_surface{0.05, 0.06}, by_velocity{-1e-6, 0.0};
   std::vector<Complex> phasors(harmonics.band() + 1);
   const ForceGradient gradient{by_surface, by_velocity, harmonics.angular_frequency(1)};
