@@ -140,7 +140,7 @@ void CoupledMotion::precondition(const Eigen::VectorXd& in, Eigen::VectorXd& out
   out(1) = 0.0;  // the mean
 }
 
-void CoupledMotion::solve(std::span<Complex> motion, double tolerance) {
+double CoupledMotion::solve(std::span<Complex> motion, double tolerance) {
   for (const std::size_t tone : harmonics_->tones()) motion[tone] = 0.0;
   motion[0] = motion[0].real();
   auto* right = reinterpret_cast<Complex*>(right_.data());
@@ -150,15 +150,16 @@ void CoupledMotion::solve(std::span<Complex> motion, double tolerance) {
   for (Eigen::Index j = 0; j < used; ++j) image_ += rotated_(j) * directions_[static_cast<std::size_t>(j)];
   precondition(image_, moved_);
   std::copy_n(reinterpret_cast<const Complex*>(moved_.data()), coupled_, motion.begin());
+  return std::abs(rotated_(used));
 }
 
 // GMRES: leaves in rotated_ the coefficients of so many directions_.
 Eigen::Index CoupledMotion::minimize(const Eigen::VectorXd& right, double tolerance) {
   const double norm = right.norm();
-  if (!(norm > 0.0) || !std::isfinite(norm)) return 0;
-  directions_[0] = right / norm;
   rotated_.setZero();
   rotated_(0) = norm;
+  if (!(norm > 0.0) || !std::isfinite(norm)) return 0;
+  directions_[0] = right / norm;
   Eigen::Index j = 0;
   while (j < index(most_directions) && std::abs(rotated_(j)) > tolerance * norm) {
     precondition(directions_[static_cast<std::size_t>(j)], moved_);

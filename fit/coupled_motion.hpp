@@ -1,6 +1,7 @@
 // Small changes of the motion off the comb, which feel the force that they change themselves:
 //     (1 - chi G) o = r,   (G o)_n = sum_m G_(n-m) o_m, m of either sign,
-// at every harmonic off the comb, G the spectrum of dF/dd along the motion.
+// at the harmonics off the comb up to where |chi| has fallen to 2 % of the static compliance for good;
+// beyond, o = r, and what moves there is not felt. G is the spectrum of dF/dd along the motion.
 //
 // The harmonics with the greatest |chi| are solved for densely, and this, with the others left as they are,
 // is the preconditioner of GMRES (Saad, Schultz 1986, SIAM J. Sci. Stat. Comput. 7, 856) for all: a product
@@ -32,8 +33,9 @@ class CoupledMotion {
   // What follows is for this gradient, whose spans need not outlive the call.
   void set_gradient(const ForceGradient& gradient);
 
-  // Replaces r by o, harmonics 0 … band, to `tolerance` of |r|; values at the tones become 0.
-  void solve(std::span<Complex> motion, double tolerance);
+  // Replaces r by o, harmonics 0 … band, nm, to `tolerance` of |r|, or as near as 16 directions come; values
+  // at the tones become 0. Returns what is left, |r - (1 - chi G) o|, nm; r where it is not finite.
+  double solve(std::span<Complex> motion, double tolerance);
 
   // What a motion at any harmonics, 0 … band, does to the force: G o, nN, at the comb's tones, in its order.
   void force(std::span<const Complex> motion, std::span<Complex> at_tones);

@@ -9,7 +9,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <optional>
 #include <ranges>
 #include <span>
 #include <vector>
@@ -57,6 +59,9 @@ class RefinedFit {
         factor_(rows_),
         deviation_(harmonics.band() + 1),
         deviation_before_(harmonics.band() + 1),
+        change_(harmonics.band() + 1),
+        cold_motion_(harmonics.band() + 1),
+        cold_root_(rows_, rows_),
         best_deviation_(harmonics.band() + 1),
         ones_(harmonics.tones().size(), 1.0) {}
 
@@ -71,6 +76,7 @@ class RefinedFit {
     balance_.set_bounds(bounds);
     balance_.set_measured(tones, measured.phasors());
     known_count_ = 0;
+    jacobian_.setZero();
     fit_.set_insignificant(whitening.by_noise ? insignificant : 0.0);
     Solution best, other;
     for (const Parameters& start : starts) try_start(start, measured, whitening, best, other, result);
@@ -174,58 +180,59 @@ class RefinedFit {
   // stays as it is. Where the search for this does not end, back to the force along the mean motion if the
   // difference is small.
   void warm_up(const MeasuredForce& measured, Solution& solution, FitResult& result) {
-    const Parameters still = solution.p;
+    const Parameters cold = solution.p;
+    cold_motion_ = balance_.motion();
     double first_change = 0.0;
-    for (std::size_t round = 0; round < most_rounds && solution.converged; ++round) {
+    for (std::size_t round = 0; round < most_rounds; ++round) {
       fit_.stiffness_at_tones(stiffness_);
       heat_->covariance(balance_.gradient(), thermal_);
-      const double change = spread_at_solution(solution);
-      if (!whiten_at_solution(measured)) return;
-      if (round == 0)
-        first_change = change;
-      else if (change == 0.0)
+      const std::optional<double> change = spread_at_solution(solution);
+      if (round > 0 && !change) break;
+      if (round > 0 && *change == 0.0) return;
+      if (!whiten_at_solution(measured)) {
+        balance_.set_deviation(deviation_before_);
         return;
+      }
+      if (round == 0) {
+        first_change = change.value_or(0.0);
+        cold_root_ = root_;
+      }
       solve_on(solution.p, solution, result);
-      if (change == 0.0) return;
+      if (first_change == 0.0) return;
+      if (!solution.converged) break;
     }
     solution.converged = false;
     if (first_change > tolerable) return;
     balance_.remove_deviation();
-    solve_on(still, solution, result);
+    balance_.set_whitening(cold_root_);
+    balance_.motion() = cold_motion_;
+    solve_on(cold, solution, result);
   }
   void solve_on(const Parameters& from, Solution& solution, FitResult& result) {
     solution = fit_.solve(from, quadrature_level, most_);
     result.iterations += solution.iterations;
   }
 
-  // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion.
-  // The chi^2 by which what this changes now moves the parameters; 0 where noise leaves nothing of it, the
-  // lever is stiff, or the motion is not stable and nothing is known.
-  double spread_at_solution(const Solution& solution) {
-    if (spread_ == nullptr ||
-        !spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_))
-      return 0.0;
+  // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion. Lets
+  // the balance know where this moves the parameters by more than nothing beside noise; by how much of chi^2,
+  // or 0. Empty where the motion is not stable, or the parameters are not determined, and nothing is known.
+  std::optional<double> spread_at_solution(const Solution& solution) {
     deviation_before_ = balance_.deviation();
-    shift_.setZero();
-    add_force(solution.p, -1.0);
+    if (spread_ == nullptr) return 0.0;
+    if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return {};
+    balance_.evaluate(solution.p, quadrature_level);
+    std::ranges::transform(balance_.force(), change_.begin(), std::negate{});
     balance_.set_deviation(deviation_);
-    add_force(solution.p, 1.0);
-    balance_.whiten(shift_);
+    balance_.evaluate(solution.p, quadrature_level);
+    std::ranges::transform(balance_.force(), change_, change_.begin(), std::plus{});
+    fit_.follow(change_, shift_);
     const auto moved = minimum_shift(Linearization{fit_.jacobian(), ones_, fixed(solution)}, shift_);
     const Eigen::Map<const Eigen::Matrix<double, Model::parameters, 1>> step(moved.data());
     shift_.noalias() = fit_.jacobian().lazyProduct(step);
     const double change = shift_.squaredNorm();
     if (change > negligible) return change;
     balance_.set_deviation(deviation_before_);
-    return 0.0;
-  }
-  void add_force(const Parameters& p, double sign) {
-    balance_.evaluate(p, quadrature_level);
-    for (Eigen::Index i = 0; i < rows_ / 2; ++i) {
-      const std::size_t tone = balance_.harmonics().tones()[static_cast<std::size_t>(i)];
-      shift_(2 * i) += sign * balance_.force()[tone].real();
-      shift_(2 * i + 1) += sign * balance_.force()[tone].imag();
-    }
+    return std::isfinite(change) ? std::optional(0.0) : std::nullopt;
   }
 
   // What noise does depends on how the surface answers.
@@ -353,7 +360,9 @@ class RefinedFit {
   Eigen::VectorXd shift_;
   Eigen::MatrixXd stiffness_, thermal_, covariance_, root_, best_root_;
   Eigen::LLT<Eigen::MatrixXd> factor_;
-  typename HarmonicBalance<Model>::Spectrum deviation_, deviation_before_, best_deviation_;
+  typename HarmonicBalance<Model>::Spectrum deviation_, deviation_before_, change_, cold_motion_;
+  Eigen::MatrixXd cold_root_;
+  typename HarmonicBalance<Model>::Spectrum best_deviation_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;
   bool lasting_ = true;  // of the best solution

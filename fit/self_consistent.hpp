@@ -66,14 +66,15 @@ class SelfConsistentFit {
 
   // What the cost must promise to fall by for a step longer than linear ones to be gone, and for another to
   // be tried after a step that failed, at first 0. What noise hides so well has no minimum worth finding, as
-  // the reach of a force that is not there; nor one that the Jacobian, without the feedback of the weakly
-  // coupled harmonics, cannot tell from the best so far.
+  // the reach of a force that is not there; nor one that the Jacobian, good to a percent, cannot tell from
+  // the best so far.
   void set_insignificant(double decrease) { insignificant_ = decrease; }
 
   // From p and the motion off the comb that the balance holds, at most `most` iterations.
   Solution solve(const Parameters& p, std::size_t level, std::uint32_t most) {
     Solution solution;
     Coordinates x = balance_->coordinates(p), step = Coordinates::Zero(), whole = step;
+    best_.x = x;
     best_.cost = best_.inconsistency = std::numeric_limits<double>::infinity();
     double damping = 0.0;
     std::size_t watched = 0;
@@ -151,6 +152,19 @@ class SelfConsistentFit {
     }
   }
 
+  // Of the last solution: what a change of the model's force, harmonics 0 … band, changes at the tones, the
+  // motion off the comb following; rows as above, whitened.
+  void follow(const ForceSpectrum::Spectrum& force, Eigen::VectorXd& change) {
+    respond(force, {}, moved_, response_tolerance);
+    coupled_.force(moved_, forces_);
+    for (std::size_t i = 0; i < forces_.size(); ++i) {
+      const Complex whole = force[harmonics_->tones()[i]] + forces_[i];
+      change(index(2 * i)) = whole.real();
+      change(index(2 * i + 1)) = whole.imag();
+    }
+    balance_->whiten(change);
+  }
+
   // Of the last solution: virial and dissipated power of the force that moves the tip off the comb.
   struct Exchange {
     double virial_nn_nm = 0.0, dissipated_fw = 0.0;
@@ -193,7 +207,7 @@ class SelfConsistentFit {
     Eigen::VectorXd residuals;             // at `base`, to first order; whitened
     Eigen::MatrixXd jacobian;              // total, by parameters; whitened
     double cost = std::numeric_limits<double>::infinity();
-    double inconsistency = 0.0;  // sum of the squares of the motion's Newton step, nm^2
+    double inconsistency = 0.0;  // sum of the squares of the motion's Newton step and of what it leaves, nm^2
   };
 
   static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
@@ -203,8 +217,8 @@ class SelfConsistentFit {
     balance_->linearize(balance_->parameters(x), level);
     current_.x = x;
     coupled_.set_gradient(balance_->gradient());
-    respond(balance_->force(), balance_->motion(), current_.base, motion_tolerance);
-    current_.inconsistency = 0.0;
+    const double left = respond(balance_->force(), balance_->motion(), current_.base, motion_tolerance);
+    current_.inconsistency = left * left;
     for (std::size_t n = 0; n < current_.base.size(); ++n)
       if (!harmonics_->is_tone(n))
         current_.inconsistency += std::norm(current_.base[n] - balance_->motion()[n]);
@@ -223,14 +237,15 @@ class SelfConsistentFit {
   // The cost is that of the motion to 1e-3 or so.
   static bool is_consistent(const Linearized& at) { return at.inconsistency < consistent_nm * consistent_nm; }
 
-  // motion + do where (1 - chi G) do = chi force - motion.
-  void respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out, double relative) {
+  // motion + do where (1 - chi G) do = chi force - motion; returns what of that is left.
+  double respond(const Spectrum& force, std::span<const Complex> motion, Spectrum& out, double relative) {
     const auto& chi = harmonics_->response();
     for (std::size_t n = 0; n < out.size(); ++n)
       out[n] = chi[n] * force[n] - (motion.empty() ? 0.0 : motion[n]);
-    coupled_.solve(out, relative);
+    const double left = coupled_.solve(out, relative);
     for (std::size_t n = 0; n < motion.size(); ++n)
       if (!harmonics_->is_tone(n)) out[n] += motion[n];
+    return left;
   }
 
   // Everything as at the best point, its motion a step further.

@@ -12,8 +12,8 @@ namespace {
 
 // So much greater than the free variance is that of a motion that grows without end.
 constexpr double unstable = 100.0;
-// Of the variance: how closely one period must repeat the last one.
-constexpr double settled = 1e-3;
+// Of the variance: how far from the periodic one it may end.
+constexpr double settled = 2e-3;
 
 }  // namespace
 
@@ -21,9 +21,10 @@ ThermalSpread::ThermalSpread(const Harmonics& harmonics, const Cantilever& canti
     : size_(quick_fft_size(3 * harmonics.band() + 2)),
       band_(harmonics.band()),
       step_s_(1.0 / (harmonics.spacing_hz() * static_cast<double>(size_))),
-      // The variance relaxes twice as fast as the amplitude: within a thousandth after 3.5 ring-down times.
-      most_periods_(2 +
-                    static_cast<std::size_t>(3.5 * longest_ring_down_s(cantilever) * harmonics.spacing_hz())),
+      // The variance relaxes twice as fast as the amplitude: within a thousandth after 3.5 ring-down times,
+      // if the surface takes away no damping.
+      relaxation_periods_(0.5 * longest_ring_down_s(cantilever) * harmonics.spacing_hz()),
+      most_periods_(4 + static_cast<std::size_t>(8.0 * relaxation_periods_)),
       order_(2 * cantilever.modes.size()),
       covariance_(order_ * order_),
       moved_(order_) {
@@ -84,7 +85,8 @@ bool ThermalSpread::standard_deviation(const ForceGradient& gradient, double see
     at(2 * m + 1, 2 * m + 1) = modes_[m].variance_v;
   }
   double mean = free_variance_;
-  for (std::size_t period = 0; period < most_periods_; ++period) {
+  bool periodic = false;
+  for (std::size_t period = 0; period < most_periods_ && !periodic; ++period) {
     double sum = 0.0;
     for (std::size_t i = 0; i < size_; ++i) {
       kick(-stiffness_.get()[i], viscous ? damping_.get()[i] : 0.0);
@@ -95,8 +97,10 @@ bool ThermalSpread::standard_deviation(const ForceGradient& gradient, double see
     const double before = mean;
     mean = sum / static_cast<double>(size_);
     if (!(mean < unstable * free_variance_)) return false;
-    if (std::abs(mean - before) <= settled * mean) break;
+    // What is still to come is the last change times the periods that relaxation takes.
+    periodic = period > 0 && std::abs(mean - before) * (1.0 + relaxation_periods_) <= settled * mean;
   }
+  if (!periodic) return false;
   const double unseen = std::max(0.0, 1.0 - seen / mean);
   for (std::size_t i = 0; i < size_; ++i)
     variance_.get()[i] = std::sqrt(unseen * std::max(0.0, variance_.get()[i]));

@@ -52,6 +52,7 @@ class ThermalSpread {
   std::size_t size_;  // steps a period
   std::size_t band_;
   double step_s_;
+  double relaxation_periods_;  // of the free variance
   std::size_t most_periods_;
   double free_variance_ = 0.0;
   std::vector<FreeMode> modes_;

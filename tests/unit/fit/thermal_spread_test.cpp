@@ -119,6 +119,13 @@ TEST(ThermalSpread, IsThatOfEquipartitionOnASpring) {
   EXPECT_NEAR(spread.at(1.0), std::sqrt(heat_nn_nm / 0.12), 1e-3 * std::sqrt(heat_nn_nm / 0.12));
 }
 
+// It rings for a hundred periods, and so long it takes to be what the surface makes of it.
+TEST(ThermalSpread, WaitsForALeverThatRings) {
+  const Spread spread = spread_over({{0.02}, {0.0}}, Cantilever{{{1e3, 300.0, 0.05, 1.0}}});
+  ASSERT_TRUE(spread.stable);
+  EXPECT_NEAR(spread.at(1.0), std::sqrt(heat_nn_nm / 0.07), 3e-3 * std::sqrt(heat_nn_nm / 0.07));
+}
+
 // What the surface takes is not given back: its own heat is not known.
 TEST(ThermalSpread, IsCooledByASurfaceThatTakesEnergy) {
   const double own = 0.05 / (2.0 * std::numbers::pi * 1e3 * 2.0);  // k/(w Q), nN s/nm
