@@ -64,7 +64,7 @@ Spread spread_over(const Surface& surface, const Cantilever& cantilever, double 
 // The tip's standard deviation at so many times of the period, by Runge and Kutta's fourth order, after so
 // many periods: dP/dt = A P + P A' + S.
 std::vector<double> integrated(const Surface& surface, const Cantilever& cantilever, std::size_t times) {
-  constexpr std::size_t steps = 20'000;
+  constexpr std::size_t steps = 1000;  // 160 a period of the second mode
   constexpr int periods = 8;
   const auto order = static_cast<Eigen::Index>(2 * cantilever.modes.size());
   const auto slope = [&](double phase, const Eigen::MatrixXd& p) {
