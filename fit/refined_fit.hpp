@@ -178,7 +178,7 @@ class RefinedFit {
 
   // On from a solution with what heat does over this surface, to the noise and to the mean force, until that
   // stays as it is. Where the search for this does not end, back to the force along the mean motion if the
-  // difference is small.
+  // difference is small; there too where heat's motion over the first solution is not stable.
   void warm_up(const MeasuredForce& measured, Solution& solution, FitResult& result) {
     const Parameters cold = solution.p;
     cold_motion_ = balance_.motion();

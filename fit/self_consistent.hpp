@@ -343,7 +343,7 @@ class SelfConsistentFit {
     }
   }
 
-  // Of what CoupledMotion is to solve.
+  // Of what CoupledMotion is to solve: its answer is a step, of a search that goes on.
   static constexpr double motion_tolerance = 1e-2, response_tolerance = 1e-2;
   static constexpr double consistent_nm = 1e-4;
   static constexpr double forgiven = 1.1, closer = 0.5;  // of cost and inconsistency

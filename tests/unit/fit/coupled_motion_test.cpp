@@ -16,7 +16,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-// Five products about one mode, whose own neighbours alone are more than the dense part holds.
+// Five products about one mode: 250 harmonics are coupled, of which the dense part holds 96.
 struct Lever {
   Cantilever cantilever{{{70e3, 150.0, 2.0, 1.0}}};
   Comb comb;
@@ -31,7 +31,8 @@ struct Lever {
   }
 };
 
-// A contact of a tenth of the oscillation about harmonic 36, in beats of 18: mean 0.2 and peak 4 N/m.
+// A contact of a tenth of the oscillation about harmonic 36, in beats of 18: mean 0.2 N/m, some N/m at the
+// peak.
 struct Contact {
   std::vector<Complex> by_surface, by_velocity;
 
