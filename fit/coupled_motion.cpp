@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
+#include <functional>
 
 namespace combforce {
 namespace {
@@ -24,7 +24,7 @@ std::size_t count_coupled(const Harmonics& harmonics) {
 CoupledMotion::CoupledMotion(const Harmonics& harmonics)
     : harmonics_(&harmonics),
       coupled_(count_coupled(harmonics)),
-      size_(quick_fft_size(4 * coupled_)),
+      transform_(quick_fft_size(4 * coupled_)),
       matrix_(index(2 * harmonics.strong().size()), index(2 * harmonics.strong().size())),
       factor_(matrix_.rows()),
       strong_(matrix_.rows()),
@@ -37,18 +37,8 @@ CoupledMotion::CoupledMotion(const Harmonics& harmonics)
       right_(index(2 * coupled_)),
       image_(index(2 * coupled_)),
       moved_(index(2 * coupled_)) {
-  for (FftwReals* reals : {&stiffness_, &damping_, &times_, &velocities_})
-    reals->reset(fftw_alloc_real(size_));
-  bins_.reset(fftw_alloc_complex(size_ / 2 + 1));
-  const std::scoped_lock lock(fftw_planner_mutex());
-  const auto inverse = [&](FftwReals& reals) {
-    return FftwPlan(fftw_plan_dft_c2r_1d(static_cast<int>(size_), bins_.get(), reals.get(), FFTW_ESTIMATE));
-  };
-  to_stiffness_ = inverse(stiffness_);
-  to_damping_ = inverse(damping_);
-  to_times_ = inverse(times_);
-  to_velocities_ = inverse(velocities_);
-  from_times_.reset(fftw_plan_dft_r2c_1d(static_cast<int>(size_), times_.get(), bins_.get(), FFTW_ESTIMATE));
+  for (auto* values : {&by_surface_, &by_velocity_, &resistance_}) values->resize(transform_.signal().size());
+  phasors_.resize(coupled_);
 }
 
 void CoupledMotion::set_gradient(const ForceGradient& gradient) {
@@ -65,66 +55,51 @@ void CoupledMotion::set_gradient(const ForceGradient& gradient) {
       matrix_(index(2 * row + 1), index(2 * column + 1)) = one + y.imag();
     }
   factor_.compute(matrix_);
-  // dF/dd = -dF/dp0 in time, of the harmonics that couple the coupled ones.
-  const auto to_time = [&](std::span<const Complex> phasors, double sign, const FftwPlan& plan) {
-    auto* bins = reinterpret_cast<Complex*>(bins_.get());
-    std::fill_n(bins, size_ / 2 + 1, 0.0);
-    const std::size_t count = std::min(phasors.size(), 2 * coupled_);
-    for (std::size_t n = 0; n < count; ++n) bins[n] = (n == 0 ? sign : 0.5 * sign) * phasors[n];
-    fftw_execute(plan.get());
+  // Of the harmonics that couple the coupled ones.
+  const auto over_time = [&](std::span<const Complex> derivative, std::vector<double>& values) {
+    transform_.to_signal(derivative.first(std::min(derivative.size(), 2 * coupled_)));
+    std::ranges::copy(transform_.signal(), values.begin());
   };
-  to_time(gradient.by_surface, -1.0, to_stiffness_);
+  over_time(gradient.by_surface, by_surface_);
   viscous_ = !gradient.by_velocity.empty();
-  if (viscous_) to_time(gradient.by_velocity, 1.0, to_damping_);
+  if (viscous_) over_time(gradient.by_velocity, by_velocity_);
   spacing_ = gradient.spacing;
 }
 
-// Leaves in bins_ size_/2 times the phasors of the force, size_ times its mean.
+// Leaves in phasors_ those of the force.
 void CoupledMotion::feel(std::span<const Complex> motion) {
-  auto* bins = reinterpret_cast<Complex*>(bins_.get());
-  const auto to_time = [&](auto&& factor, const FftwPlan& plan) {
-    std::fill_n(bins, size_ / 2 + 1, 0.0);
-    for (std::size_t n = 0; n < coupled_; ++n) bins[n] = factor(n) * motion[n];
-    fftw_execute(plan.get());
-  };
-  if (viscous_)
-    to_time([&](std::size_t n) { return Complex(0.0, 0.5 * spacing_ * static_cast<double>(n)); },
-            to_velocities_);
-  to_time([](std::size_t n) { return n == 0 ? 1.0 : 0.5; }, to_times_);
-  for (std::size_t i = 0; i < size_; ++i) {
-    times_.get()[i] *= stiffness_.get()[i];
-    if (viscous_) times_.get()[i] += damping_.get()[i] * velocities_.get()[i];
+  const std::span<double> signal = transform_.signal();
+  if (viscous_) {
+    for (std::size_t n = 0; n < coupled_; ++n)
+      phasors_[n] = Complex(0.0, spacing_ * static_cast<double>(n)) * motion[n];
+    transform_.to_signal(phasors_);
+    std::ranges::transform(by_velocity_, signal, resistance_.begin(), std::multiplies{});
   }
-  fftw_execute(from_times_.get());
+  transform_.to_signal(motion.first(coupled_));
+  for (std::size_t i = 0; i < signal.size(); ++i)
+    signal[i] = (viscous_ ? resistance_[i] : 0.0) - by_surface_[i] * signal[i];
+  transform_.to_phasors(phasors_);
 }
 
 void CoupledMotion::force(std::span<const Complex> motion, std::span<Complex> at_tones) {
   feel(motion);
-  const auto* bins = reinterpret_cast<const Complex*>(bins_.get());
-  for (std::size_t i = 0; i < at_tones.size(); ++i)
-    at_tones[i] = 2.0 / static_cast<double>(size_) * bins[harmonics_->tones()[i]];
+  for (std::size_t i = 0; i < at_tones.size(); ++i) at_tones[i] = phasors_[harmonics_->tones()[i]];
 }
 
 void CoupledMotion::respond(std::span<Complex> motion) {
   feel(motion);
-  const auto* bins = reinterpret_cast<const Complex*>(bins_.get());
   std::ranges::fill(motion, 0.0);
   for (std::size_t n = 0; n < coupled_; ++n)
-    if (!harmonics_->is_tone(n))
-      motion[n] = (n == 0 ? 1.0 : 2.0) / static_cast<double>(size_) * harmonics_->response()[n] * bins[n];
+    if (!harmonics_->is_tone(n)) motion[n] = harmonics_->response()[n] * phasors_[n];
 }
 
 // (1 - chi G) in.
 void CoupledMotion::apply(const Eigen::VectorXd& in, Eigen::VectorXd& out) {
   feel(std::span(reinterpret_cast<const Complex*>(in.data()), coupled_));
-  const auto* bins = reinterpret_cast<const Complex*>(bins_.get());
   auto* values = reinterpret_cast<Complex*>(out.data());
   out = in;
-  const double scale = 1.0 / static_cast<double>(size_);
   for (std::size_t n = 0; n < coupled_; ++n)
-    if (!harmonics_->is_tone(n))
-      values[n] -= n == 0 ? scale * harmonics_->response()[0].real() * bins[0].real()
-                          : 2.0 * scale * harmonics_->response()[n] * bins[n];
+    if (!harmonics_->is_tone(n)) values[n] -= harmonics_->response()[n] * phasors_[n];
 }
 
 void CoupledMotion::precondition(const Eigen::VectorXd& in, Eigen::VectorXd& out) {

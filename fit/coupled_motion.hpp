@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "dsp/fftw.hpp"
+#include "dsp/fourier.hpp"
 #include "fit/force_gradient.hpp"
 #include "fit/harmonics.hpp"
 
@@ -54,15 +54,15 @@ class CoupledMotion {
 
   const Harmonics* harmonics_;
   std::size_t coupled_;  // harmonics 0 … coupled_ - 1 take part, those beyond move too little
-  std::size_t size_;     // times in the period
+  FourierTransform transform_;
   Eigen::MatrixXd matrix_;
   Eigen::PartialPivLU<Eigen::MatrixXd> factor_;
   Eigen::VectorXd strong_, strong_solved_;
   bool viscous_ = false;
-  double spacing_ = 0.0;  // rad/s
-  FftwReals stiffness_, damping_, times_, velocities_;
-  FftwComplexes bins_;
-  FftwPlan to_stiffness_, to_damping_, to_times_, to_velocities_, from_times_;
+  double spacing_ = 0.0;                          // rad/s
+  std::vector<double> by_surface_, by_velocity_;  // dF/dp0 and dF/d(velocity) over the period
+  std::vector<double> resistance_;                // force of a motion's velocity over the period
+  std::vector<Complex> phasors_;                  // of the coupled harmonics
   // GMRES: vectors hold (re, im) of the coupled harmonics.
   std::vector<Eigen::VectorXd> directions_;
   Eigen::MatrixXd hessenberg_;
