@@ -1,171 +1,250 @@
 #include "fit/engaged_heat.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
-#include "fit/noise.hpp"
+#include "fit/units.hpp"
 
 namespace combforce {
 namespace {
 
-// Beyond so many lobes of the window little of a tone's thermal motion comes from.
-constexpr double far_lobes = 8.0;
-constexpr std::size_t few_far = 4;
+// So much greater than the free variance is that of a motion that grows without end.
+constexpr double unstable = 100.0;
+// Of Phi's power, squared: nothing of the beginning is left. And doublings that are enough for a motion that
+// rings for a thousand million windows.
+constexpr double forgotten = 1e-12;
+constexpr int most_doublings = 30;
 
-struct Node {
-  double at, weight;
-};
-
-// sinc^2 in lobes of the window, and its mean beyond so many that a grid need not tell one from the next.
-double weight_at(double lobes) {
-  constexpr double told_apart = 64.0;
-  const double argument = std::numbers::pi * lobes;
-  const double sine = lobes < told_apart ? std::sin(argument) : std::numbers::sqrt2 / 2.0;
-  return sine * sine / (argument * argument);
-}
-
-// Gauss's points on (from, to) for that weight (Golub, Welsch 1969, Math. Comp. 23, 221; the recurrence by
-// Stieltjes' procedure on a fine grid).
-void add_gauss_points(double from, double to, std::size_t count, std::vector<Node>& nodes) {
-  constexpr Eigen::Index size = 4096;
-  const double step = (to - from) / static_cast<double>(size);
-  const Eigen::ArrayXd x =
-      from + step * (Eigen::ArrayXd::LinSpaced(size, 0.0, static_cast<double>(size - 1)) + 0.5);
-  const Eigen::ArrayXd weight = step * x.unaryExpr(&weight_at);
-  const auto order = static_cast<Eigen::Index>(count);
-  Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(order, order);
-  Eigen::ArrayXd before = Eigen::ArrayXd::Zero(size), polynomial = Eigen::ArrayXd::Ones(size);
-  double norm_before = 1.0;
-  for (Eigen::Index k = 0; k < order; ++k) {
-    const double norm = (weight * polynomial.square()).sum();
-    const double ratio = k > 0 ? norm / norm_before : 0.0;
-    jacobi(k, k) = (weight * x * polynomial.square()).sum() / norm;
-    if (k > 0) jacobi(k, k - 1) = jacobi(k - 1, k) = std::sqrt(ratio);
-    const Eigen::ArrayXd next = (x - jacobi(k, k)) * polynomial - ratio * before;
-    before = polynomial;
-    polynomial = next;
-    norm_before = norm;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(jacobi);
-  for (Eigen::Index k = 0; k < order; ++k)
-    nodes.push_back({solver.eigenvalues()(k), weight.sum() * std::pow(solver.eigenvectors()(0, k), 2)});
-}
-
-// n points miss rho^-2n of a function with poles so far from the middle of their interval, rho being the sum
-// of the half axes of the ellipse through these with foci at the interval's ends.
-double points_needed(double half_length, double distance) {
-  constexpr double missed = 0.01;
-  return std::ceil(0.5 * std::log(1.0 / missed) / std::asinh(distance / half_length));
-}
-
-// On (0, end), in lobes, for functions with poles half a `width` from there. One interval where few points
-// do, otherwise one a lobe, a pair of lobes and so on.
-std::vector<Node> points_for(double end, double width) {
-  constexpr double fewest = 3.0, most_of_one = 8.0, most = 32.0;
-  const auto count = [&](double length) {
-    return static_cast<std::size_t>(std::clamp(points_needed(0.5 * length, 0.5 * width), fewest, most));
-  };
-  std::vector<Node> nodes;
-  if (end <= 1.0 || points_needed(0.5 * end, 0.5 * width) <= most_of_one) {
-    add_gauss_points(0.0, end, count(end), nodes);
-    return nodes;
-  }
-  for (double from = 0.0, to = 1.0; from < end; from = to, to = std::min(2.0 * to, end))
-    add_gauss_points(from, to, to > far_lobes ? std::min(count(to - from), few_far) : count(to - from),
-                     nodes);
-  return nodes;
+Eigen::Index index(std::size_t i) {
+  return static_cast<Eigen::Index>(i);
 }
 
 }  // namespace
 
 EngagedHeat::EngagedHeat(const Harmonics& harmonics, const Cantilever& cantilever, double temperature_k,
-                         unsigned windows) {
-  for (const auto& list : {harmonics.tones(), harmonics.warm()})
-    for (const std::size_t n : list) {
-      harmonics_.push_back(static_cast<std::ptrdiff_t>(n));
-      if (n > 0) harmonics_.push_back(-static_cast<std::ptrdiff_t>(n));
-    }
-  const auto size = static_cast<Eigen::Index>(harmonics_.size());
-  const auto tones = static_cast<Eigen::Index>(harmonics.tones().size());
-  // Lobes of the window in a spacing of the harmonics, and in a mode's width.
-  const double lobes = static_cast<double>(harmonics.periods()) * windows;
-  double width = lobes;
-  for (const Mode& mode : cantilever.modes)
-    width = std::min(width, lobes * mode.frequency_hz / (mode.quality_factor * harmonics.spacing_hz()));
-  for (const auto& [at, weight] : points_for(0.5 * lobes, width)) {
-    const double offset = at / lobes;
-    Point point{offset, Eigen::VectorXcd(size), Eigen::VectorXd(size), Eigen::MatrixXd(size, tones),
-                Eigen::MatrixXd(size, tones)};
-    for (Eigen::Index i = 0; i < size; ++i) {
-      const double n = static_cast<double>(harmonics_[static_cast<std::size_t>(i)]) + offset;
-      const double frequency_hz = std::abs(n) * harmonics.spacing_hz();
-      const std::complex<double> stiffness = 1.0 / tip_response(cantilever, frequency_hz);
-      point.stiffness(i) = n < 0.0 ? std::conj(stiffness) : stiffness;
-      point.heat(i) = 2.0 * weight / lobes * harmonics.spacing_hz() *
-                      tip_force_density(cantilever, frequency_hz, temperature_k);
-      for (Eigen::Index tone = 0; tone < tones; ++tone) {
-        const auto c = static_cast<double>(harmonics.tones()[static_cast<std::size_t>(tone)]);
-        point.at_tones(i, tone) = offset / (n - c);
-        point.at_mirrored_tones(i, tone) = offset / (n + c);
-      }
-    }
-    points_.push_back(std::move(point));
+                         unsigned windows)
+    : windows_(windows),
+      periods_(harmonics.periods()),
+      transform_(quick_fft_size(3 * harmonics.band() + 2)),
+      size_(transform_.signal().size()),
+      step_s_(1.0 / (harmonics.spacing_hz() * static_cast<double>(size_))),
+      tones_(harmonics.tones().begin(), harmonics.tones().end()),
+      by_surface_(size_),
+      by_velocity_(size_),
+      order_(index(2 * cantilever.modes.size())),
+      heated_(order_, order_),
+      carried_(order_, order_ + index(2 * tones_.size())),
+      seen_(index(2 * tones_.size()), carried_.cols()),
+      force_(order_),
+      felt_(order_),
+      displacement_(order_),
+      velocity_(order_),
+      tip_(carried_.cols()),
+      moved_(carried_.cols()),
+      weight_(seen_.rows()),
+      variance_(size_),
+      tip_rows_(index(size_), order_),
+      power_(order_, order_),
+      squared_(order_, order_),
+      beginning_(order_, order_),
+      correlated_(order_, seen_.rows()),
+      later_(order_, seen_.rows()),
+      covariance_(seen_.rows(), seen_.rows()) {
+  for (const Mode& mode : cantilever.modes) {
+    const double w = 2.0 * std::numbers::pi * mode.frequency_hz;
+    const double decay = 0.5 * w / mode.quality_factor;
+    // exp of ((0, w), (-w, -2 decay)) over the step, from its eigenvalues -decay -+ root.
+    const std::complex<double> root = std::sqrt(std::complex<double>(decay * decay - w * w)) +
+                                      std::complex<double>(1e-9 * w);  // never a double one
+    const std::complex<double> grown = root * step_s_;
+    const double shrunk = std::exp(-decay * step_s_);
+    const double even = shrunk * std::cosh(grown).real(), odd = shrunk * (std::sinh(grown) / root).real();
+    FreeMode free{};
+    free.qq = even + decay * odd;
+    free.qv = w * odd;
+    free.vq = -w * odd;
+    free.vv = even - decay * odd;
+    // The free covariance, which stays, is this times the unit matrix.
+    const double variance = boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m;
+    free.heat_qq = variance * (1.0 - free.qq * free.qq - free.qv * free.qv);
+    free.heat_qv = -variance * (free.qq * free.vq + free.qv * free.vv);
+    free.heat_vv = variance * (1.0 - free.vq * free.vq - free.vv * free.vv);
+    free.kick = w / mode.stiffness_n_per_m;
+    free_variance_ += variance;
+    push_ += w * free.kick;
+    displacement_.segment<2>(index(2 * modes_.size())) << 1.0, 0.0;
+    velocity_.segment<2>(index(2 * modes_.size())) << 0.0, w;
+    modes_.push_back(free);
   }
-  matrix_.resize(size, size);
-  factor_ = Eigen::PartialPivLU<Eigen::MatrixXcd>(size);
-  right_.resize(size);
-  solved_.resize(size);
-  at_tones_.resize(size, tones);
-  at_mirrored_tones_.resize(size, tones);
-  warm_.resize(size, tones);
-  hermitian_.resize(tones, tones);
-  plain_.resize(tones, tones);
+  for (std::size_t j = 0; j < size_; ++j)
+    weights_.push_back(
+        std::polar(2.0 / static_cast<double>(size_ * periods_),
+                   -2.0 * std::numbers::pi * static_cast<double>(j) / static_cast<double>(size_)));
 }
 
-// Every tone's row of the weights times the inverse of the system's matrix, by its transpose.
-void EngagedHeat::respond(const Point& point, const ForceGradient& gradient) {
-  for (Eigen::Index column = 0; column < matrix_.cols(); ++column)
-    for (Eigen::Index row = 0; row < matrix_.rows(); ++row) {
-      const std::ptrdiff_t to = harmonics_[static_cast<std::size_t>(column)],
-                           from = harmonics_[static_cast<std::size_t>(row)];
-      const std::complex<double> turn(0.0, gradient.spacing * (static_cast<double>(from) + point.offset));
-      matrix_(row, column) =
-          (row == column ? point.stiffness(row) : 0.0) - gradient.coefficient(to - from, turn);
+bool EngagedHeat::engage(const ForceGradient& gradient) {
+  const auto over_time = [&](std::span<const std::complex<double>> derivative, std::vector<double>& values) {
+    transform_.to_signal(derivative.first(std::min(derivative.size(), size_ / 2)));
+    std::ranges::copy(transform_.signal(), values.begin());
+  };
+  over_time(gradient.by_surface, by_surface_);
+  over_time(gradient.by_velocity, by_velocity_);
+  integrate();
+  if (!find_beginning()) return false;
+  average_windows();
+  return true;
+}
+
+// From a tip at rest and a window's beginning to its end. The window begins and ends amid a kick; its
+// integrals are sums, by Euler and Maclaurin's formula corrected for what the ends differ by.
+void EngagedHeat::integrate() {
+  heated_.setZero();
+  carried_.setZero();
+  carried_.leftCols(order_).setIdentity();
+  seen_.setZero();
+  for (std::size_t period = 0; period < periods_; ++period)
+    for (std::size_t i = 0; i < size_; ++i) {
+      if (period == 0 && i == 0) {
+        kick(-by_surface_[0], by_velocity_[0], 0.5 * step_s_);
+        see_end(1.0);
+      } else {
+        kick(-by_surface_[i], by_velocity_[i], step_s_);
+        for (std::size_t c = 0; c < tones_.size(); ++c) set_weight(c, weights_[tones_[c] * i % size_]);
+        see(displacement_);
+      }
+      if (period == 0) {
+        tip_rows_.row(index(i)) = tip_.head(order_);
+        variance_[i] = tip_variance_;
+      }
+      step_free();
     }
-  factor_.compute(matrix_);
-  for (Eigen::Index tone = 0; tone < at_tones_.cols(); ++tone) {
-    right_ = point.at_tones.col(tone);
-    solved_ = factor_.solve(right_);
-    at_tones_.col(tone) = solved_;
-    right_ = point.at_mirrored_tones.col(tone);
-    solved_ = factor_.solve(right_);
-    at_mirrored_tones_.col(tone) = solved_;
+  kick(-by_surface_[0], by_velocity_[0], 0.5 * step_s_);
+  see_end(-1.0);
+}
+
+// The surface acts on every mode's velocity, by the tip's motion; its damping as long as it lasts.
+void EngagedHeat::kick(double stiffness, double damping, double duration_s) {
+  const double rate = damping * push_;
+  if (rate != 0.0) duration_s = std::expm1(rate * duration_s) / rate;
+  force_ = stiffness * displacement_ + damping * velocity_;
+  moved_.noalias() = force_.transpose().lazyProduct(carried_);
+  felt_.noalias() = heated_.lazyProduct(force_);
+  const double square = force_.dot(felt_);
+  for (std::size_t m = 0; m < modes_.size(); ++m) {
+    const Eigen::Index v = index(2 * m + 1);
+    const double gain = duration_s * modes_[m].kick;
+    carried_.row(v) += gain * moved_;
+    heated_.row(v) += gain * felt_.transpose();
+    heated_.col(v) += gain * felt_;
+    for (std::size_t l = 0; l < modes_.size(); ++l)
+      heated_(v, index(2 * l + 1)) += gain * duration_s * modes_[l].kick * square;
   }
 }
 
-void EngagedHeat::covariance(const ForceGradient& gradient, Eigen::MatrixXd& covariance) {
-  covariance.setZero();
-  for (const Point& point : points_) {
-    respond(point, gradient);
-    // E[D conj(D)'] and E[D D'] of the tones D; offsets below 0 are those above, mirrored.
-    warm_ = point.heat.asDiagonal() * at_tones_;
-    hermitian_.noalias() = at_tones_.transpose().lazyProduct(warm_.conjugate());
-    plain_.noalias() = warm_.transpose().lazyProduct(at_mirrored_tones_.conjugate());
-    plain_.noalias() += at_mirrored_tones_.adjoint().lazyProduct(warm_);
-    warm_ = point.heat.asDiagonal() * at_mirrored_tones_;
-    hermitian_.noalias() += at_mirrored_tones_.adjoint().lazyProduct(warm_);
-    for (Eigen::Index k = 0; k < plain_.rows(); ++k)
-      for (Eigen::Index l = 0; l < plain_.cols(); ++l) {
-        const std::complex<double> hermitian = hermitian_(k, l), plain = plain_(k, l);
-        covariance(2 * k, 2 * l) += 0.5 * (hermitian + plain).real();
-        covariance(2 * k + 1, 2 * l + 1) += 0.5 * (hermitian - plain).real();
-        covariance(2 * k, 2 * l + 1) += 0.5 * (plain - hermitian).imag();
-        covariance(2 * k + 1, 2 * l) += 0.5 * (plain + hermitian).imag();
-      }
+void EngagedHeat::set_weight(std::size_t tone, std::complex<double> weight) {
+  weight_(index(2 * tone)) = weight.real();
+  weight_(index(2 * tone + 1)) = weight.imag();
+}
+
+// What the tones see of the displacement, or of the velocity, with the weights that are set.
+void EngagedHeat::see(const Eigen::VectorXd& of) {
+  tip_.noalias() = of.transpose().lazyProduct(carried_);
+  felt_.noalias() = heated_.lazyProduct(of);
+  tip_variance_ = of.dot(felt_);
+  moved_ = tip_;
+  moved_.tail(weight_.size()) += 0.5 * tip_variance_ * weight_.transpose();
+  seen_.noalias() += weight_ * moved_;
+  carried_.rightCols(weight_.size()).noalias() += felt_ * weight_.transpose();
+}
+
+// sign: 1 at the window's beginning, -1 at its end.
+void EngagedHeat::see_end(double sign) {
+  const std::complex<double> whole = weights_[0];
+  for (std::size_t c = 0; c < tones_.size(); ++c) set_weight(c, sign * step_s_ / 12.0 * whole);
+  see(velocity_);
+  for (std::size_t c = 0; c < tones_.size(); ++c) {
+    const double turn = 2.0 * std::numbers::pi * static_cast<double>(tones_[c]) / static_cast<double>(size_);
+    set_weight(c, whole * std::complex<double>(0.5, -sign * turn / 12.0));
   }
+  see(displacement_);
+}
+
+void EngagedHeat::step_free() {
+  for (std::size_t m = 0; m < modes_.size(); ++m) {
+    const FreeMode& mode = modes_[m];
+    auto q = carried_.row(index(2 * m)), v = carried_.row(index(2 * m + 1));
+    moved_ = mode.qq * q + mode.qv * v;
+    v = mode.vq * q + mode.vv * v;
+    q = moved_;
+  }
+  for (std::size_t m = 0; m < modes_.size(); ++m)
+    for (std::size_t l = 0; l < modes_.size(); ++l) {
+      const FreeMode &row = modes_[m], &column = modes_[l];
+      double &qq = heated_(index(2 * m), index(2 * l)), &qv = heated_(index(2 * m), index(2 * l + 1)),
+             &vq = heated_(index(2 * m + 1), index(2 * l)), &vv = heated_(index(2 * m + 1), index(2 * l + 1));
+      const double a = row.qq * qq + row.qv * vq, b = row.qq * qv + row.qv * vv;
+      const double c = row.vq * qq + row.vv * vq, d = row.vq * qv + row.vv * vv;
+      qq = a * column.qq + b * column.qv;
+      qv = a * column.vq + b * column.vv;
+      vq = c * column.qq + d * column.qv;
+      vv = c * column.vq + d * column.vv;
+    }
+  for (std::size_t m = 0; m < modes_.size(); ++m) {
+    const FreeMode& mode = modes_[m];
+    heated_(index(2 * m), index(2 * m)) += mode.heat_qq;
+    heated_(index(2 * m), index(2 * m + 1)) += mode.heat_qv;
+    heated_(index(2 * m + 1), index(2 * m)) += mode.heat_qv;
+    heated_(index(2 * m + 1), index(2 * m + 1)) += mode.heat_vv;
+  }
+}
+
+// P, the sum of Phi^j <n n'> Phi'^j over j = 0, 1, …, by doubling the number of its terms.
+bool EngagedHeat::find_beginning() {
+  beginning_ = heated_;
+  power_ = carried_.leftCols(order_);
+  for (int i = 0; i < most_doublings && power_.squaredNorm() > forgotten; ++i) {
+    squared_.noalias() = power_.lazyProduct(beginning_);
+    beginning_ += squared_.lazyProduct(power_.transpose());
+    squared_.noalias() = power_.lazyProduct(power_);
+    power_ = squared_;
+    if (!std::isfinite(beginning_.trace())) return false;
+  }
+  if (!(power_.squaredNorm() <= forgotten)) return false;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < size_; ++i) {
+    felt_.noalias() = beginning_.lazyProduct(tip_rows_.row(index(i)).transpose());
+    variance_[i] += tip_rows_.row(index(i)).dot(felt_);
+    sum += variance_[i];
+  }
+  mean_variance_ = sum / static_cast<double>(size_);
+  return mean_variance_ < unstable * free_variance_;
+}
+
+// <D D'> of the mean of windows that follow each other: <D_k D_0'> = C Phi^(k-1) <x_1 D_0'>.
+void EngagedHeat::average_windows() {
+  const auto of_beginning = seen_.leftCols(order_);  // C
+  covariance_ = seen_.rightCols(seen_.rows());
+  covariance_ += seen_.rightCols(seen_.rows()).transpose();
+  later_.noalias() = beginning_.lazyProduct(of_beginning.transpose());
+  covariance_ += of_beginning.lazyProduct(later_);
+  correlated_.noalias() = carried_.leftCols(order_).lazyProduct(later_);
+  correlated_ += carried_.rightCols(seen_.rows());
+  covariance_ /= static_cast<double>(windows_);
+  for (unsigned k = 1; k < windows_; ++k) {
+    const double share = static_cast<double>(windows_ - k) / (static_cast<double>(windows_) * windows_);
+    covariance_ += share * of_beginning.lazyProduct(correlated_);
+    covariance_ += share * correlated_.transpose().lazyProduct(of_beginning.transpose());
+    later_.noalias() = carried_.leftCols(order_).lazyProduct(correlated_);
+    correlated_ = later_;
+  }
+}
+
+void EngagedHeat::standard_deviation(double seen, std::span<std::complex<double>> phasors) {
+  const double unseen = std::max(0.0, 1.0 - seen / mean_variance_);
+  std::ranges::transform(variance_, transform_.signal().begin(),
+                         [&](double value) { return std::sqrt(unseen * std::max(0.0, value)); });
+  transform_.to_phasors(phasors);
 }
 
 }  // namespace combforce

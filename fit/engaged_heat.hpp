@@ -1,62 +1,92 @@
-// The thermal motion of a tip that moves over a surface, as the tones of a window see it.
+// How heat moves a tip about its periodic motion over a surface: at every time of the period, and as the
+// tones of a window see it.
 //
-// A small motion besides the periodic one is a linear system whose coefficients are periodic: heat f at w +
-// n W (W: spacing of the harmonics) moves the tip at all w + m W,
-//
-//     d(w + n W)/chi(w + n W) = sum_m G_(n-m) d(w + m W) + f(w + n W),   n of either sign,
-//
-// with G the spectrum of dF/dd along the motion. A window of n_w T, itself g n_w periods of W, sees all of it
-// at a tone c with the weights sinc(g n_w (n - c + w/W)): so motion that does not repeat after a window,
-// which leaks from one tone to all others, is counted as what it is. The integral over w takes few points:
-// Gauss's for the weight sinc^2, so many that 1 % or less of the variance of the sharpest mode is left as
-// long as it rings for no more than four windows. Sharper modes are told the worse the longer they ring; but
-// where they do, pixels have not settled.
-//
-// Without a surface this is the thermal motion of the free cantilever.
+// The motion of the modes besides the periodic one is linear, with the force's derivatives along the periodic
+// motion as its springs and dampers,
+//     (k_m/w_m^2) q'' + (k_m/(w_m Q_m)) q' + k_m q = dF/dd sum_l q_l + dF/dv sum_l q_l' + f_m,
+// and heat white in time. So x = (q_m, q_m'/w_m) goes over a window to Phi x + n, with n independent of x,
+// and what its tones see of it, D = (2/T) int sum_m q_m exp(-iwt) dt, is C x + n': whatever the harmonics
+// that the surface couples. Where windows begin, the covariance of x is P = Phi P Phi' + <n n'> (Lyapunov's
+// equation of a periodic system; for the stochastic one: Risken 1989, The Fokker-Planck equation, section
+// 6.5). All of it comes from one integration over the window: the free modes exactly from step to step, the
+// surface by kicks between (Strang 1968, SIAM J. Numer. Anal. 5, 506).
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <complex>
 #include <cstddef>
+#include <span>
 #include <vector>
 
+#include "dsp/fourier.hpp"
 #include "fit/cantilever.hpp"
 #include "fit/force_gradient.hpp"
 #include "fit/harmonics.hpp"
 
 namespace combforce {
 
-// Thread-bound. Only the constructor allocates.
+// Thread-bound. Only the constructor allocates; it takes FFTW's planner lock (dsp/fftw.hpp).
 class EngagedHeat {
  public:
-  // `windows`: contiguous ones averaged in a pixel. `harmonics`: of its comb; not kept.
+  // `windows`: contiguous ones averaged in a pixel, at least 1. `harmonics`: of its comb; not kept.
+  // temperature_k >= 0.
   EngagedHeat(const Harmonics& harmonics, const Cantilever& cantilever, double temperature_k,
               unsigned windows);
 
-  // Covariance of the tones' phasors, rows (re, im) of each, nm^2, the window beginning at time 0. The motion
-  // off the comb follows at the harmonics' warm ones.
-  void covariance(const ForceGradient& gradient, Eigen::MatrixXd& covariance);
+  // kB T sum 1/k_m, nm^2.
+  double free_variance() const { return free_variance_; }
+
+  // What follows is for this gradient, whose spans need not outlive the call. False where the motion is
+  // unstable: then nothing is known of it.
+  bool engage(const ForceGradient& gradient);
+
+  // Of the tones' phasors, rows (re, im) of each, nm^2, the window beginning at time 0.
+  const Eigen::MatrixXd& covariance() const { return covariance_; }
+
+  // Standard deviation of the tip over the period, nm, as phasors of harmonics 0 … phasors.size() - 1 <=
+  // band; less `seen`, nm^2, of its variance, which is part of the measured tones.
+  void standard_deviation(double seen, std::span<std::complex<double>> phasors);
 
  private:
-  struct Point {
-    double offset;               // w/W, in (0, 1/2)
-    Eigen::VectorXcd stiffness;  // 1/chi at every harmonic, nN/nm
-    Eigen::VectorXd heat;        // variances of forces there
-    // Weights of the harmonics in a tone's phasor and in its conjugate; a column a tone.
-    Eigen::MatrixXd at_tones, at_mirrored_tones;
+  struct FreeMode {                    // over a step, of (q, q'/w)
+    double qq, qv, vq, vv;             // what becomes of either
+    double heat_qq, heat_qv, heat_vv;  // covariance that heat adds
+    double kick;                       // of q'/w by 1 nN for 1 s, nm
   };
 
-  void respond(const Point& point, const ForceGradient& gradient);
+  void integrate();
+  void kick(double stiffness, double damping, double duration_s);
+  void set_weight(std::size_t tone, std::complex<double> weight);
+  void see(const Eigen::VectorXd& of);
+  void see_end(double sign);
+  void step_free();
+  bool find_beginning();
+  void average_windows();
 
-  std::vector<std::ptrdiff_t> harmonics_;  // of either sign
-  std::vector<Point> points_;
-  Eigen::MatrixXcd matrix_;
-  Eigen::PartialPivLU<Eigen::MatrixXcd> factor_;
-  Eigen::VectorXcd right_, solved_;
-  // A column a tone: its phasor, or the conjugate, by heat at each harmonic.
-  Eigen::MatrixXcd at_tones_, at_mirrored_tones_, warm_;
-  Eigen::MatrixXcd hermitian_, plain_;  // tones x tones
+  unsigned windows_;
+  std::size_t periods_;  // a window
+  FourierTransform transform_;
+  std::size_t size_;  // steps a period
+  double step_s_;
+  double free_variance_ = 0.0;
+  std::vector<FreeMode> modes_;
+  double push_ = 0.0;                             // of the tip's velocity by 1 nN for 1 s, nm/s
+  std::vector<std::size_t> tones_;                // harmonics
+  std::vector<std::complex<double>> weights_;     // 2/(steps a window) exp(-i 2 pi j/size_)
+  std::vector<double> by_surface_, by_velocity_;  // dF/dp0 and dF/dv over the period
+  Eigen::Index order_;                            // of x
+  // What a step of the integration begins with, of a tip at rest where the window began.
+  Eigen::MatrixXd heated_;                                                          // <n n'>
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> carried_;  // Phi, <n n''>
+  Eigen::MatrixXd seen_;  // C, and what makes <n' n''> with its transpose
+  Eigen::VectorXd force_, felt_;
+  Eigen::VectorXd displacement_, velocity_;  // of the tip, by x
+  Eigen::RowVectorXd tip_, moved_;           // rows of carried_
+  Eigen::VectorXd weight_;                   // of the step in the tones
+  double tip_variance_ = 0.0, mean_variance_ = 0.0;
+  std::vector<double> variance_;  // of the tip over the period
+  Eigen::MatrixXd tip_rows_;      // its motion by x where the window began, a row a step
+  Eigen::MatrixXd power_, squared_, beginning_, correlated_, later_, covariance_;
 };
 
 }  // namespace combforce

@@ -106,8 +106,7 @@ void validate_comparison(const FitConditions& conditions) {
   if (settings.refine == 0 && settings.weighting == Weighting::none)
     throw std::invalid_argument(
         "settings.compare: not empty, but settings.weighting is none and settings.refine 0: chi^2 is the "
-        "least "
-        "only where noise weighs");
+        "least only where noise weighs");
   std::set<std::string> models{settings.model};
   for (std::size_t i = 0; i < settings.compare.size(); ++i)
     if (!models.insert(std::string(find_model(settings.compare[i]).name)).second)

@@ -15,7 +15,6 @@
 #include "fit/force_model.hpp"
 #include "fit/harmonics.hpp"
 #include "fit/measured_force.hpp"
-#include "fit/thermal_spread.hpp"
 #include "fit/whitening.hpp"
 
 namespace combforce {
@@ -26,7 +25,6 @@ struct FitterSetup {
   std::span<const Bounds> bounds;  // one a parameter
   const Harmonics* harmonics;      // outlives the fitter; null: the paper's fit
   EngagedHeat* heat;               // of a refined fit, outlives the fitter; null: noise is not known
-  ThermalSpread* spread;           // the same; null also where heat moves the lever too little to matter
   std::uint32_t refine;            // iterations beyond the paper's fit, from each start
   bool profile_intervals;          // of a refined fit
 };

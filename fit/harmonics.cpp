@@ -4,14 +4,11 @@
 #include <cmath>
 #include <numeric>
 
-#include "fit/noise.hpp"
-
 namespace combforce {
 namespace {
 
 constexpr double negligible_compliance = 1e-3;
-// For the paper's cases errors by heat off the comb are then told to 2 %, and more take a fit longer than
-// they help it to converge.
+// More take a fit longer than they help it to converge.
 constexpr std::size_t most_listed = 96;
 constexpr std::size_t most_harmonics = 100'000;
 
@@ -60,11 +57,6 @@ Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delt
     all.push_back(n);
   }
   strong_ = strongest(others, [&](std::size_t n) { return std::abs(response_[n]); });
-  warm_ = strongest(others, [&](std::size_t n) {
-    constexpr double any_temperature_k = 1.0;
-    return std::norm(response_[n]) *
-           tip_force_density(cantilever, static_cast<double>(n) * spacing_hz_, any_temperature_k);
-  });
   strong_between_ = strongest(all, [&](std::size_t n) { return std::abs(response_between_[n]); });
 }
 

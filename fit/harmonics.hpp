@@ -44,9 +44,6 @@ class Harmonics {
   // Off the comb, those with the greatest |chi|, greatest first: they couple most strongly.
   std::span<const std::size_t> strong() const { return strong_; }
 
-  // Off the comb, those that heat moves most, strongest first: it reaches the tones from there.
-  std::span<const std::size_t> warm() const { return warm_; }
-
   // Half a spacing above the harmonics, where a motion of twice the period has its own: chi, of 0 … band, and
   // those with the greatest |chi|, greatest first.
   const std::vector<std::complex<double>>& response_between() const { return response_between_; }
@@ -59,7 +56,7 @@ class Harmonics {
   double spacing_hz_ = 0.0;
   std::vector<bool> is_tone_;
   std::vector<std::complex<double>> response_, response_between_;
-  std::vector<std::size_t> strong_, warm_, strong_between_;
+  std::vector<std::size_t> strong_, strong_between_;
 };
 
 }  // namespace combforce

@@ -100,7 +100,6 @@ class PixelFitter::State {
         refers_(refers(conditions)),
         harmonics_(harmonics_of(conditions)),
         heat_(heat_of(conditions)),
-        spread_(spread_of(conditions)),
         measured_(refers_ ? conditions : without_motion(conditions)),
         balance_(bins_of(conditions.comb), spacing_hz(conditions)),
         fitter_(fitter_of(conditions.settings)),
@@ -157,8 +156,8 @@ class PixelFitter::State {
 
   std::unique_ptr<Fitter> fitter_of(const FitSettings& settings) {
     const std::vector<Bounds> bounds = bounds_of(settings);
-    const FitterSetup setup{balance_,    tones_,        bounds,          harmonics_.get(),
-                            heat_.get(), spread_.get(), settings.refine, settings.profile_intervals};
+    const FitterSetup setup{
+        balance_, tones_, bounds, harmonics_.get(), heat_.get(), settings.refine, settings.profile_intervals};
     return visit_model(*model_, [&](auto type) { return make_fitter<decltype(type)>(setup); });
   }
 
@@ -195,16 +194,6 @@ class PixelFitter::State {
                                          conditions.windows);
   }
 
-  // A lever that heat moves less than this feels the force of its mean motion, to a tenth of the standard
-  // errors of one window.
-  std::unique_ptr<ThermalSpread> spread_of(const FitConditions& conditions) const {
-    constexpr double felt_nm = 0.05;
-    if (!heat_) return nullptr;
-    auto spread =
-        std::make_unique<ThermalSpread>(*harmonics_, conditions.cantilever, conditions.noise->temperature_k);
-    return spread->free_variance() < felt_nm * felt_nm ? nullptr : std::move(spread);
-  }
-
   void require_tones(std::span<const std::complex<double>> tip_nm) const {
     if (tip_nm.size() != tones_)
       throw std::invalid_argument(fmt::format("tip_nm: {} values for {} tones", tip_nm.size(), tones_));
@@ -231,9 +220,8 @@ class PixelFitter::State {
   const ModelInfo* model_;
   std::size_t tones_;
   bool refers_;
-  std::unique_ptr<Harmonics> harmonics_;   // null: the paper's fit
-  std::unique_ptr<EngagedHeat> heat_;      // null: so is that, or noise is not known
-  std::unique_ptr<ThermalSpread> spread_;  // the same, or the lever is stiff
+  std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
+  std::unique_ptr<EngagedHeat> heat_;     // null: so is that, or noise is not known
   MeasuredForce measured_;
   ForceBalance balance_;
   std::unique_ptr<Fitter> fitter_;

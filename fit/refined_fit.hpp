@@ -3,13 +3,11 @@
 // well.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <ranges>
@@ -23,9 +21,9 @@
 #include "fit/measured_force.hpp"
 #include "fit/period_doubling.hpp"
 #include "fit/self_consistent.hpp"
-#include "fit/thermal_spread.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
+#include "fit/warm_fit.hpp"
 #include "fit/whitening.hpp"
 
 namespace combforce {
@@ -36,34 +34,23 @@ class RefinedFit {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  // `most`: iterations from each start, at least 1. `harmonics`, `heat` where noise is known and `spread`
-  // where it matters (else null) outlive the fit.
-  RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, ThermalSpread* spread, std::uint32_t most,
-             bool profile_intervals)
+  // `most`: iterations from each start, at least 1. `harmonics` and, where noise is known (else null), `heat`
+  // outlive the fit.
+  RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, std::uint32_t most, bool profile_intervals)
       : profile_intervals_(profile_intervals),
-        heat_(heat),
-        spread_(spread),
         balance_(harmonics),
         fit_(balance_),
         loosened_(balance_),
         doubling_(balance_),
         most_(most),
-        rows_(static_cast<Eigen::Index>(2 * harmonics.tones().size())),
+        rows_(balance_.rows()),
         jacobian_(rows_, Model::parameters),
         shift_(rows_),
-        stiffness_(rows_, rows_),
-        thermal_(rows_, rows_),
-        covariance_(rows_, rows_),
-        root_(rows_, rows_),
         best_root_(rows_, rows_),
-        factor_(rows_),
-        deviation_(harmonics.band() + 1),
-        deviation_before_(harmonics.band() + 1),
-        change_(harmonics.band() + 1),
-        cold_motion_(harmonics.band() + 1),
-        cold_root_(rows_, rows_),
         best_deviation_(harmonics.band() + 1),
-        ones_(harmonics.tones().size(), 1.0) {}
+        ones_(harmonics.tones().size(), 1.0) {
+    if (heat != nullptr) warm_.emplace(*heat, balance_, fit_, quadrature_level, most);
+  }
 
   // Fills `result`. `starts`: best first, at least one, all tried; `further`, the softest surface last: tried
   // until one explains the pixel when none of `starts` does. When all of them lead astray, `starts` and the
@@ -117,9 +104,6 @@ class RefinedFit {
   static constexpr double loose = 10.0, looser = 100.0;
   static constexpr double insignificant = 1e-3;         // of chi^2: a thirtieth of a standard error
   static constexpr double ill_conditioned_error = 0.3;  // relative standard error
-  static constexpr std::size_t most_rounds = 20;        // of the force's mean over heat
-  static constexpr double negligible = 0.05 * 0.05;     // of chi^2: a twentieth of a standard error
-  static constexpr double tolerable = 0.25;             // of chi^2: half a standard error
   static constexpr int most_profile_trials = 8;
   static constexpr double profile_tolerance = 0.01;           // of a standard error
   static constexpr double same_nm = 1e-3, same_share = 1e-3;  // far above what solutions differ by
@@ -151,7 +135,7 @@ class RefinedFit {
     if (solution.converged) {
       if (is_known(solution.p)) return false;
       const Parameters led = solution.p;
-      if (heat_ != nullptr) warm_up(measured, solution, result);
+      if (warm_) warm_->search(measured, solution, result.iterations);
       if (solution.converged) remember(led);
     }
     if (!better(solution, best)) {
@@ -175,75 +159,6 @@ class RefinedFit {
     return std::ranges::any_of(known, [&](const Parameters& other) { return same(p, other); });
   }
   void remember(const Parameters& p) { known_[known_count_++ % known_.size()] = p; }
-
-  // On from a solution with what heat does over this surface, to the noise and to the mean force, until that
-  // stays as it is. Where the search for this does not end, back to the force along the mean motion if the
-  // difference is small; there too where heat's motion over the first solution is not stable.
-  void warm_up(const MeasuredForce& measured, Solution& solution, FitResult& result) {
-    const Parameters cold = solution.p;
-    cold_motion_ = balance_.motion();
-    double first_change = 0.0;
-    for (std::size_t round = 0; round < most_rounds; ++round) {
-      fit_.stiffness_at_tones(stiffness_);
-      heat_->covariance(balance_.gradient(), thermal_);
-      const std::optional<double> change = spread_at_solution(solution);
-      if (round > 0 && !change) break;
-      if (round > 0 && *change == 0.0) return;
-      if (!whiten_at_solution(measured)) {
-        balance_.set_deviation(deviation_before_);
-        return;
-      }
-      if (round == 0) {
-        first_change = change.value_or(0.0);
-        cold_root_ = root_;
-      }
-      solve_on(solution.p, solution, result);
-      if (first_change == 0.0) return;
-      if (!solution.converged) break;
-    }
-    solution.converged = false;
-    if (first_change > tolerable) return;
-    balance_.remove_deviation();
-    balance_.set_whitening(cold_root_);
-    balance_.motion() = cold_motion_;
-    solve_on(cold, solution, result);
-  }
-  void solve_on(const Parameters& from, Solution& solution, FitResult& result) {
-    solution = fit_.solve(from, quadrature_level, most_);
-    result.iterations += solution.iterations;
-  }
-
-  // Heat carries the tip about its mean motion, and the mean force is not the force on the mean motion. Lets
-  // the balance know where this moves the parameters by more than nothing beside noise; by how much of chi^2,
-  // or 0. Empty where the motion is not stable, or the parameters are not determined, and nothing is known.
-  std::optional<double> spread_at_solution(const Solution& solution) {
-    deviation_before_ = balance_.deviation();
-    if (spread_ == nullptr) return 0.0;
-    if (!spread_->standard_deviation(balance_.gradient(), 0.5 * thermal_.trace(), deviation_)) return {};
-    balance_.evaluate(solution.p, quadrature_level);
-    std::ranges::transform(balance_.force(), change_.begin(), std::negate{});
-    balance_.set_deviation(deviation_);
-    balance_.evaluate(solution.p, quadrature_level);
-    std::ranges::transform(balance_.force(), change_, change_.begin(), std::plus{});
-    fit_.follow(change_, shift_);
-    const auto moved = minimum_shift(Linearization{fit_.jacobian(), ones_, fixed(solution)}, shift_);
-    const Eigen::Map<const Eigen::Matrix<double, Model::parameters, 1>> step(moved.data());
-    shift_.noalias() = fit_.jacobian().lazyProduct(step);
-    const double change = shift_.squaredNorm();
-    if (change > negligible) return change;
-    balance_.set_deviation(deviation_before_);
-    return std::isfinite(change) ? std::optional(0.0) : std::nullopt;
-  }
-
-  // What noise does depends on how the surface answers.
-  bool whiten_at_solution(const MeasuredForce& measured) {
-    measured.covariance_at(stiffness_, thermal_, covariance_);
-    factor_.compute(covariance_);
-    if (factor_.info() != Eigen::Success || !covariance_.allFinite()) return false;
-    root_ = factor_.matrixL();
-    balance_.set_whitening(root_);
-    return true;
-  }
 
   // Both ends of every parameter's interval. Uses up what fit_ and balance_ hold.
   void profile(std::span<const Bounds> bounds, const Solution& best, FitResult& result) {
@@ -289,7 +204,7 @@ class RefinedFit {
     result.refinements = best.iterations;
     std::ranges::copy(best.p, result.parameters.begin());
     const double chi2 = whitening.by_noise ? best.cost : std::numeric_limits<double>::quiet_NaN();
-    return estimate_uncertainty(Linearization{jacobian_, ones_, fixed(best)}, whitening.covariance, chi2,
+    return estimate_uncertainty(Linearization{jacobian_, ones_, best.fixed}, whitening.covariance, chi2,
                                 measured.noise_known(), result);
   }
 
@@ -319,16 +234,11 @@ class RefinedFit {
       if (!(std::abs(p[k] - result.parameters[k]) <= same_errors * result.std_errors[k])) return false;
     return true;
   }
-  static std::array<bool, max_parameters> fixed(const Solution& solution) {
-    std::array<bool, max_parameters> result{};
-    std::ranges::copy(solution.fixed, result.begin());
-    return result;
-  }
 
   // How far the solution moves on the next finer quadrature.
   void estimate_quadrature_error(const Solution& solution, FitResult& result) {
     fit_.refine_quadrature(solution.p, quadrature_level, shift_);
-    result.quadrature_errors = minimum_shift(Linearization{jacobian_, ones_, fixed(solution)}, shift_);
+    result.quadrature_errors = minimum_shift(Linearization{jacobian_, ones_, solution.fixed}, shift_);
   }
 
   FitStatus status(const MeasuredForce& measured, const Solution& best, bool determined,
@@ -344,24 +254,20 @@ class RefinedFit {
     return FitStatus::converged;
   }
   static std::size_t count_free(const Solution& solution) {
-    return static_cast<std::size_t>(std::ranges::count(solution.fixed, false));
+    return Model::parameters - static_cast<std::size_t>(std::ranges::count(solution.fixed, true));
   }
 
   bool profile_intervals_;
-  EngagedHeat* heat_;
-  ThermalSpread* spread_;
   HarmonicBalance<Model> balance_;
   SelfConsistentFit<Model> fit_;
+  std::optional<WarmFit<Model>> warm_;
   LoosenedBalance<Model> loosened_;
   PeriodDoubling<Model> doubling_;
   std::uint32_t most_;
   Eigen::Index rows_;
   Eigen::MatrixXd jacobian_;  // whitened, of the best solution
   Eigen::VectorXd shift_;
-  Eigen::MatrixXd stiffness_, thermal_, covariance_, root_, best_root_;
-  Eigen::LLT<Eigen::MatrixXd> factor_;
-  typename HarmonicBalance<Model>::Spectrum deviation_, deviation_before_, change_, cold_motion_;
-  Eigen::MatrixXd cold_root_;
+  Eigen::MatrixXd best_root_;
   typename HarmonicBalance<Model>::Spectrum best_deviation_;
   std::vector<double> ones_;
   typename SelfConsistentFit<Model>::Exchange off_comb_;

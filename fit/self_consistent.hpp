@@ -26,6 +26,7 @@
 #include <vector>
 
 #include "fit/coupled_motion.hpp"
+#include "fit/fit_result.hpp"
 #include "fit/harmonic_balance.hpp"
 #include "fit/harmonics.hpp"
 
@@ -43,7 +44,7 @@ class SelfConsistentFit {
     double cost = std::numeric_limits<double>::infinity();  // |L^-1 residuals|^2
     std::uint32_t iterations = 0;
     bool converged = false;
-    std::array<bool, count> fixed{};  // at a bound
+    std::array<bool, max_parameters> fixed{};  // at a bound
   };
 
   // `balance` outlives the fit and holds the motion it starts from, and ends with.

@@ -7,6 +7,7 @@
 #include <functional>
 #include <numbers>
 #include <numeric>
+#include <stdexcept>
 
 #include "dsp/fourier.hpp"
 #include "fit/engaged_heat.hpp"
@@ -156,16 +157,17 @@ ToneInformation::ToneInformation(const FitConditions& conditions, std::span<cons
   const Eigen::MatrixXd moved =
       motion_by_parameters(conditions.cantilever, derivatives, gradient, harmonics.spacing_hz(), moving)
           .topRows(tones);
-  Eigen::MatrixXd heat(tones, tones);
-  EngagedHeat(harmonics, conditions.cantilever, conditions.noise->temperature_k, conditions.windows)
-      .covariance(gradient, heat);
+  EngagedHeat heat(harmonics, conditions.cantilever, conditions.noise->temperature_k, conditions.windows);
+  if (!heat.engage(gradient))
+    throw std::invalid_argument("parameters: the motion over this surface is not stable");
 
   const Eigen::VectorXd variances = Eigen::Map<const Eigen::VectorXd>(known.data(), parameters_).cwiseAbs2();
   of_comb_.resize(all, all);
   of_comb_.topLeftCorner(parameters_, parameters_) = variances.asDiagonal();
   of_comb_.bottomLeftCorner(tones, parameters_) = moved * variances.asDiagonal();
   of_comb_.topRightCorner(parameters_, tones) = variances.asDiagonal() * moved.transpose();
-  of_comb_.bottomRightCorner(tones, tones) = heat + moved * variances.asDiagonal() * moved.transpose();
+  of_comb_.bottomRightCorner(tones, tones) =
+      heat.covariance() + moved * variances.asDiagonal() * moved.transpose();
   for (const Tone& tone : conditions.comb.tones) measure(tone.bin, of_comb_);
 }
 

@@ -1,6 +1,6 @@
 // The thermal motion of a tip on springs that change with time, at every time of their period, against
 // equipartition where they do not, and where they do against a direct integration of its covariance.
-#include "fit/thermal_spread.hpp"
+#include "fit/engaged_heat.hpp"
 
 #include <gtest/gtest.h>
 
@@ -52,12 +52,12 @@ struct Spread {
 
 Spread spread_over(const Surface& surface, const Cantilever& cantilever, double seen = 0.0) {
   const Harmonics harmonics = test::harmonics(cantilever);
-  ThermalSpread spread(harmonics, cantilever, room_k);
+  EngagedHeat heat(harmonics, cantilever, room_k, 1);
   std::vector<Complex> damping = surface.friction;
   for (Complex& phasor : damping) phasor = -phasor;  // dF/d(velocity); dF/dp0 = -dF/dd is the stiffness
   Spread result{false, std::vector<Complex>(harmonics.band() + 1)};
-  result.stable = spread.standard_deviation({surface.stiffness, damping, harmonics.angular_frequency(1)},
-                                            seen, result.phasors);
+  result.stable = heat.engage({surface.stiffness, damping, harmonics.angular_frequency(1)});
+  if (result.stable) heat.standard_deviation(seen, result.phasors);
   return result;
 }
 
@@ -105,7 +105,7 @@ std::vector<double> integrated(const Surface& surface, const Cantilever& cantile
   return deviations;
 }
 
-TEST(ThermalSpread, IsThatOfEquipartitionWithoutASurface) {
+TEST(EngagedSpread, IsThatOfEquipartitionWithoutASurface) {
   const Spread spread = spread_over({}, soft);
   ASSERT_TRUE(spread.stable);
   for (const double phase : {0.0, 2.0, 5.0})
@@ -113,14 +113,14 @@ TEST(ThermalSpread, IsThatOfEquipartitionWithoutASurface) {
 }
 
 // The kicks are a spring to (w step)^2/24 or so, here 1e-4.
-TEST(ThermalSpread, IsThatOfEquipartitionOnASpring) {
+TEST(EngagedSpread, IsThatOfEquipartitionOnASpring) {
   const Spread spread = spread_over({{0.07}, {0.0}}, one_mode);
   ASSERT_TRUE(spread.stable);
   EXPECT_NEAR(spread.at(1.0), std::sqrt(heat_nn_nm / 0.12), 1e-3 * std::sqrt(heat_nn_nm / 0.12));
 }
 
 // It rings for a hundred periods, and so long it takes to be what the surface makes of it.
-TEST(ThermalSpread, WaitsForALeverThatRings) {
+TEST(EngagedSpread, WaitsForALeverThatRings) {
   const Spread spread = spread_over({{0.02}, {0.0}}, Cantilever{{{1e3, 300.0, 0.05, 1.0}}});
   ASSERT_TRUE(spread.stable);
   EXPECT_NEAR(spread.at(1.0), std::sqrt(heat_nn_nm / 0.07), 3e-3 * std::sqrt(heat_nn_nm / 0.07));
@@ -128,15 +128,15 @@ TEST(ThermalSpread, WaitsForALeverThatRings) {
 
 // What the surface takes is not given back: its own heat is not known. The kicks, of first order in friction,
 // leave less than 1 %.
-TEST(ThermalSpread, IsCooledByASurfaceThatTakesEnergy) {
+TEST(EngagedSpread, IsCooledByASurfaceThatTakesEnergy) {
   const double own = 0.05 / (2.0 * std::numbers::pi * 1e3 * 2.0);  // k/(w Q), nN s/nm
   const Spread spread = spread_over({{0.0}, {own}}, one_mode);
   ASSERT_TRUE(spread.stable);
   EXPECT_NEAR(spread.at(1.0), std::sqrt(0.5 * heat_nn_nm / 0.05), 1e-2 * std::sqrt(heat_nn_nm / 0.1));
 }
 
-// Within what is left of settling, 2e-3 of the variance, and of the kicks.
-TEST(ThermalSpread, FollowsASurfaceThatComesAndGoes) {
+// Within what the kicks leave.
+TEST(EngagedSpread, FollowsASurfaceThatComesAndGoes) {
   const double own = 0.05 / (2.0 * std::numbers::pi * 1e3 * 2.0);
   const Surface touched{{0.05, {0.06, 0.03}, {0.02, -0.01}}, {0.4 * own, {0.3 * own, 0.1 * own}}};
   constexpr std::size_t times = 10;
@@ -152,29 +152,30 @@ TEST(ThermalSpread, FollowsASurfaceThatComesAndGoes) {
   }
 }
 
-TEST(ThermalSpread, LeavesOutWhatTheTonesHold) {
+TEST(EngagedSpread, LeavesOutWhatTheTonesHold) {
   const double free = heat_nn_nm / 0.05;
   EXPECT_NEAR(spread_over({}, one_mode, 0.36 * free).at(0.0), 0.8 * std::sqrt(free), 1e-9);
   EXPECT_EQ(spread_over({}, one_mode, 1.1 * free).at(0.0), 0.0);
 }
 
-TEST(ThermalSpread, IsNotKnownWhereTheMotionGrows) {
+TEST(EngagedSpread, IsNotKnownWhereTheMotionGrows) {
   EXPECT_FALSE(spread_over({{-0.06}, {0.0}}, one_mode).stable);  // a spring that repels
   EXPECT_FALSE(
       spread_over({{0.0, 0.0, 0.2}, {0.0}}, Cantilever{{{1e3, 50.0, 0.05, 1.0}}}).stable);  // a swing
 }
 
-TEST(ThermalSpread, DoesNotAllocate) {
+TEST(EngagedSpread, DoesNotAllocate) {
   COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
   const Harmonics harmonics = test::harmonics(soft);
-  ThermalSpread spread(harmonics, soft, room_k);
+  EngagedHeat heat(harmonics, soft, room_k, 1);
   const std::vector<Complex> by_surface{0.05, 0.06}, by_velocity{-1e-6, 0.0};
   std::vector<Complex> phasors(harmonics.band() + 1);
   const ForceGradient gradient{by_surface, by_velocity, harmonics.angular_frequency(1)};
   std::size_t allocations = 0;
   {
     const ForbidAllocation guard;
-    spread.standard_deviation(gradient, 0.0, phasors);
+    heat.engage(gradient);
+    heat.standard_deviation(0.0, phasors);
     allocations = guard.calls();
   }
   EXPECT_EQ(allocations, 0U);
