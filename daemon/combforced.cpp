@@ -1,4 +1,5 @@
 // combforced: the daemon. Runs one instrument, as configured, and serves it until SIGTERM or SIGINT.
+#include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -7,6 +8,7 @@
 #include <cstdio>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "config/configuration.hpp"
 #include "config/field_message.hpp"
@@ -111,7 +113,9 @@ int run(const Options& options) {
     return exit_done;
   }
   if (options.check) {
-    make_instrument(options, configuration, {});
+    PipelineOutputs outputs;
+    outputs.event = [](const Event& event) { fmt::print(stderr, "combforced: {}\n", event.text); };
+    make_instrument(options, configuration, std::move(outputs));
     std::printf("%s: good\n", options.config.c_str());
     return exit_done;
   }

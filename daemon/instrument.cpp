@@ -11,6 +11,7 @@
 
 #include "daemon/pipeline/drift.hpp"
 #include "daemon/record/truth_writer.hpp"
+#include "daemon/recorded_description.hpp"
 #include "drivers/replay/replay_digitizer.hpp"
 #include "drivers/simulated/simulated_digitizer.hpp"
 #include "proto/sigmf.hpp"
@@ -29,19 +30,6 @@ std::string iso8601(WallClock::time_point time) {
   const auto seconds = std::chrono::floor<std::chrono::seconds>(time);
   const auto micros = std::chrono::duration_cast<std::chrono::microseconds>(time - seconds).count();
   return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:06}Z", fmt::gmtime(WallClock::to_time_t(seconds)), micros);
-}
-
-// What the captures of a recording change along the stream, each with the whole description in force from
-// there on.
-std::vector<ScheduledChange> changes_of(const SigmfMeta& meta, const Description& overriding) {
-  std::vector<ScheduledChange> changes;
-  Description in_force = meta.description;
-  for (const SigmfCapture& capture : meta.captures) {
-    const Description next = in_force_from(capture, in_force);
-    if (next != in_force) changes.push_back({capture.global_index, overlay(next, overriding)});
-    in_force = next;
-  }
-  return changes;
 }
 
 // The parts of a description that a simulated instrument knows of itself.
@@ -80,6 +68,7 @@ class Instrument::Impl {
     pipeline_.emplace(info, *sink_, configuration.pipeline, std::move(description), std::move(changes),
                       std::move(through));
     in_force_ = pipeline_->analysis()->description;
+    warn_of_doubts(0, in_force_);
   }
 
   ~Impl() { stop(); }
@@ -238,19 +227,16 @@ class Instrument::Impl {
       Description description =
           overlay(description_of(configuration.digitizer.simulation), configuration.description);
       if (!description.channels) description.channels = digitizer_->info().channels;
-      warn_of_missing_lifted(0, description);
       return description;
     }
     const ReplaySettings& replay = configuration.digitizer.replay;
     auto digitizer = std::make_unique<ReplayDigitizer>(
         replay.recording, ReplayOptions{.realtime = replay.realtime, .verify = replay.verify});
     const SigmfMeta& meta = digitizer->meta();
-    if (outputs_.event)
-      for (const std::string& warning : digitizer->warnings())
-        outputs_.event({.kind = "warning", .first_sample = 0, .count = 0, .text = warning});
+    for (const std::string& warning : digitizer->warnings()) warn(0, warning);
     changes = changes_of(meta, configuration.description);
-    Description description = overlay(meta.description, configuration.description);
-    warn_of_missing_lifted(0, description);
+    Description description =
+        under_configuration(meta.description, configuration.description, meta.sample_rate_hz);
     digitizer_ = std::move(digitizer);
     return description;
   }
@@ -260,11 +246,8 @@ class Instrument::Impl {
     const std::scoped_lock lock(changing_);
     if (free.first_sample < drive_from_) return false;
     Description next = description();
-    if (next.free_response && next.free_response->lifted_nm && outputs_.event)
-      outputs_.event({.kind = "warning",
-                      .first_sample = free.first_sample,
-                      .count = 0,
-                      .text = "the lifted response was of the free response before: capture it again"});
+    if (next.free_response && next.free_response->lifted_nm)
+      warn(free.first_sample, "the lifted response was of the free response before: capture it again");
     next.free_response = free;
     pipeline_->change(std::move(next));
     return true;
@@ -292,20 +275,16 @@ class Instrument::Impl {
 
   void warn_of_lost_tone(const FreeResponse& free) const {
     const std::string why = find_lost_tone(*description().comb, free);
-    if (!why.empty() && outputs_.event)
-      outputs_.event({.kind = "warning", .first_sample = free.first_sample, .count = 0, .text = why});
+    if (!why.empty()) warn(free.first_sample, why);
   }
 
-  void warn_of_missing_lifted(std::uint64_t first_sample, const Description& description) const {
-    const bool missing = description.fit && description.fit->background == Background::linear &&
-                         description.free_response && !description.free_response->lifted_nm;
-    if (missing && outputs_.event)
-      outputs_.event({.kind = "warning",
-                      .first_sample = first_sample,
-                      .count = 0,
-                      .text =
-                          "fit.background is \"linear\" and the free response has no lifted_nm: without a "
-                          "lifted response every pixel is no_free_response"});
+  void warn_of_doubts(std::uint64_t first_sample, const Description& description) const {
+    for (const std::string& doubt : find_doubts(description)) warn(first_sample, doubt);
+  }
+
+  void warn(std::uint64_t first_sample, std::string text) const {
+    if (outputs_.event)
+      outputs_.event({.kind = "warning", .first_sample = first_sample, .count = 0, .text = std::move(text)});
   }
 
   // Of a stream that ended because it failed.
@@ -322,7 +301,7 @@ class Instrument::Impl {
       if (recorder_->running()) recorder_->note_change(first_sample, analysis.description);
     }
     if (outputs_.change) outputs_.change(first_sample, analysis);
-    warn_of_missing_lifted(first_sample, analysis.description);
+    warn_of_doubts(first_sample, analysis.description);
   }
 
   const RecordSettings record_;

@@ -36,7 +36,7 @@ class FourierTransform {
   FftwPlan to_signal_, to_bins_;
 };
 
-// All N/2 + 1 phasors of N samples. Reentrant.
+// All N/2 + 1 phasors of N samples, N as above. Reentrant.
 std::vector<std::complex<double>> spectrum_of(std::span<const double> signal);
 
 // The N samples that have these N/2 + 1 phasors. Reentrant.

@@ -3,24 +3,49 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "fit/units.hpp"
 
 namespace combforce {
 namespace {
 
-// So much greater than the free variance is that of a motion that grows without end.
-constexpr double unstable = 100.0;
-// Of Phi's power, squared: nothing of the beginning is left. And doublings that are enough for a motion that
-// rings for a thousand million windows.
-constexpr double forgotten = 1e-12;
+// Squares of what a kick adds to turns and to decay, in radians: a tenth of it the surface acts amiss.
+constexpr double most_kick = 0.05;
+constexpr std::size_t most_kicks = 64;
+// Of squares: nothing of the beginning is left.
+constexpr double forgotten = 1e-24;
+// Of Phi: so many windows a motion may last, and still be told from one that does not end.
 constexpr int most_doublings = 30;
+constexpr std::size_t looks = 64;  // a period, for what is forgotten: numbers should not become denormal
 
 Eigen::Index index(std::size_t i) {
   return static_cast<Eigen::Index>(i);
 }
 
 }  // namespace
+
+EngagedHeat::FreeMode EngagedHeat::free_mode(const Mode& mode, double temperature_k, double duration_s) {
+  const double w = 2.0 * std::numbers::pi * mode.frequency_hz;
+  const double decay = 0.5 * w / mode.quality_factor;
+  // exp of ((0, w), (-w, -2 decay)) over the time, from its eigenvalues -decay -+ root.
+  const std::complex<double> root = std::sqrt(std::complex<double>(decay * decay - w * w)) +
+                                    std::complex<double>(1e-9 * w);  // never a double one
+  const std::complex<double> grown = root * duration_s;
+  const double shrunk = std::exp(-decay * duration_s);
+  const double even = shrunk * std::cosh(grown).real(), odd = shrunk * (std::sinh(grown) / root).real();
+  FreeMode free{};
+  free.qq = even + decay * odd;
+  free.qv = w * odd;
+  free.vq = -w * odd;
+  free.vv = even - decay * odd;
+  // The free covariance, which stays, is this times the unit matrix.
+  const double variance = boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m;
+  free.heat_qq = variance * (1.0 - free.qq * free.qq - free.qv * free.qv);
+  free.heat_qv = -variance * (free.qq * free.vq + free.qv * free.vv);
+  free.heat_vv = variance * (1.0 - free.vq * free.vq - free.vv * free.vv);
+  return free;
+}
 
 EngagedHeat::EngagedHeat(const Harmonics& harmonics, const Cantilever& cantilever, double temperature_k,
                          unsigned windows)
@@ -53,29 +78,17 @@ EngagedHeat::EngagedHeat(const Harmonics& harmonics, const Cantilever& cantileve
       covariance_(seen_.rows(), seen_.rows()) {
   for (const Mode& mode : cantilever.modes) {
     const double w = 2.0 * std::numbers::pi * mode.frequency_hz;
-    const double decay = 0.5 * w / mode.quality_factor;
-    // exp of ((0, w), (-w, -2 decay)) over the step, from its eigenvalues -decay -+ root.
-    const std::complex<double> root = std::sqrt(std::complex<double>(decay * decay - w * w)) +
-                                      std::complex<double>(1e-9 * w);  // never a double one
-    const std::complex<double> grown = root * step_s_;
-    const double shrunk = std::exp(-decay * step_s_);
-    const double even = shrunk * std::cosh(grown).real(), odd = shrunk * (std::sinh(grown) / root).real();
-    FreeMode free{};
-    free.qq = even + decay * odd;
-    free.qv = w * odd;
-    free.vq = -w * odd;
-    free.vv = even - decay * odd;
-    // The free covariance, which stays, is this times the unit matrix.
-    const double variance = boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m;
-    free.heat_qq = variance * (1.0 - free.qq * free.qq - free.qv * free.qv);
-    free.heat_qv = -variance * (free.qq * free.vq + free.qv * free.vv);
-    free.heat_vv = variance * (1.0 - free.vq * free.vq - free.vv * free.vv);
-    free.kick = w / mode.stiffness_n_per_m;
-    free_variance_ += variance;
-    push_ += w * free.kick;
-    displacement_.segment<2>(index(2 * modes_.size())) << 1.0, 0.0;
-    velocity_.segment<2>(index(2 * modes_.size())) << 0.0, w;
-    modes_.push_back(free);
+    displacement_.segment<2>(index(2 * kicks_.size())) << 1.0, 0.0;
+    velocity_.segment<2>(index(2 * kicks_.size())) << 0.0, w;
+    kicks_.push_back(w / mode.stiffness_n_per_m);
+    push_ += w * kicks_.back();
+    free_variance_ += boltzmann_nn_nm_per_k * temperature_k / mode.stiffness_n_per_m;
+  }
+  for (std::size_t kicks = 1; kicks <= most_kicks; kicks *= 2) {
+    Pace pace{kicks, 0.5 * step_s_ / static_cast<double>(kicks), {}};
+    for (const Mode& mode : cantilever.modes)
+      pace.modes.push_back(free_mode(mode, temperature_k, pace.between_s));
+    paces_.push_back(std::move(pace));
   }
   for (std::size_t j = 0; j < size_; ++j)
     weights_.push_back(
@@ -96,34 +109,49 @@ bool EngagedHeat::engage(const ForceGradient& gradient) {
   return true;
 }
 
-// From a tip at rest and a window's beginning to its end. The window begins and ends amid a kick; its
+// From a tip at rest and a window's beginning to its end. The window begins and ends amid a step; its
 // integrals are sums, by Euler and Maclaurin's formula corrected for what the ends differ by.
 void EngagedHeat::integrate() {
   heated_.setZero();
   carried_.setZero();
   carried_.leftCols(order_).setIdentity();
   seen_.setZero();
-  for (std::size_t period = 0; period < periods_; ++period)
-    for (std::size_t i = 0; i < size_; ++i) {
-      if (period == 0 && i == 0) {
-        kick(-by_surface_[0], by_velocity_[0], 0.5 * step_s_);
-        see_end(1.0);
-      } else {
-        kick(-by_surface_[i], by_velocity_[i], step_s_);
-        for (std::size_t c = 0; c < tones_.size(); ++c) set_weight(c, weights_[tones_[c] * i % size_]);
-        see(displacement_);
-      }
-      if (period == 0) {
-        tip_rows_.row(index(i)) = tip_.head(order_);
-        variance_[i] = tip_variance_;
-      }
-      step_free();
-    }
-  kick(-by_surface_[0], by_velocity_[0], 0.5 * step_s_);
+  see_end(1.0);
+  record(0);
+  half_step(0);
+  for (std::size_t i = 1; i < size_ * periods_; ++i) {
+    const std::size_t step = i % size_;
+    half_step(step);
+    for (std::size_t c = 0; c < tones_.size(); ++c) set_weight(c, weights_[tones_[c] * step % size_]);
+    see(displacement_);
+    if (i < size_) record(step);
+    half_step(step);
+    if (step % (size_ / looks + 1) == 0 && carried_.leftCols(order_).squaredNorm() < forgotten)
+      carried_.leftCols(order_).setZero();
+  }
+  half_step(0);
   see_end(-1.0);
 }
 
-// The surface acts on every mode's velocity, by the tip's motion; its damping as long as it lasts.
+const EngagedHeat::Pace& EngagedHeat::pace(std::size_t step) const {
+  const double turn = std::abs(by_surface_[step]) * push_, decay = by_velocity_[step] * push_;
+  for (const Pace& pace : paces_)
+    if (std::max(turn, decay * decay) * pace.between_s * pace.between_s <= most_kick) return pace;
+  return paces_.back();
+}
+
+// The surface, as it is at the step, acts for half of one.
+void EngagedHeat::half_step(std::size_t step) {
+  const Pace& at = pace(step);
+  const double stiffness = -by_surface_[step], damping = by_velocity_[step];
+  kick(stiffness, damping, 0.5 * at.between_s);
+  for (std::size_t i = 1; i <= at.kicks; ++i) {
+    move_freely(at.modes);
+    kick(stiffness, damping, i < at.kicks ? at.between_s : 0.5 * at.between_s);
+  }
+}
+
+// Acts on every mode's velocity, by the tip's motion; a damping as long as it lasts.
 void EngagedHeat::kick(double stiffness, double damping, double duration_s) {
   const double rate = damping * push_;
   if (rate != 0.0) duration_s = std::expm1(rate * duration_s) / rate;
@@ -131,14 +159,14 @@ void EngagedHeat::kick(double stiffness, double damping, double duration_s) {
   moved_.noalias() = force_.transpose().lazyProduct(carried_);
   felt_.noalias() = heated_.lazyProduct(force_);
   const double square = force_.dot(felt_);
-  for (std::size_t m = 0; m < modes_.size(); ++m) {
+  for (std::size_t m = 0; m < kicks_.size(); ++m) {
     const Eigen::Index v = index(2 * m + 1);
-    const double gain = duration_s * modes_[m].kick;
+    const double gain = duration_s * kicks_[m];
     carried_.row(v) += gain * moved_;
     heated_.row(v) += gain * felt_.transpose();
     heated_.col(v) += gain * felt_;
-    for (std::size_t l = 0; l < modes_.size(); ++l)
-      heated_(v, index(2 * l + 1)) += gain * duration_s * modes_[l].kick * square;
+    for (std::size_t l = 0; l < kicks_.size(); ++l)
+      heated_(v, index(2 * l + 1)) += gain * duration_s * kicks_[l] * square;
   }
 }
 
@@ -170,17 +198,17 @@ void EngagedHeat::see_end(double sign) {
   see(displacement_);
 }
 
-void EngagedHeat::step_free() {
-  for (std::size_t m = 0; m < modes_.size(); ++m) {
-    const FreeMode& mode = modes_[m];
+void EngagedHeat::move_freely(const std::vector<FreeMode>& modes) {
+  for (std::size_t m = 0; m < modes.size(); ++m) {
+    const FreeMode& mode = modes[m];
     auto q = carried_.row(index(2 * m)), v = carried_.row(index(2 * m + 1));
     moved_ = mode.qq * q + mode.qv * v;
     v = mode.vq * q + mode.vv * v;
     q = moved_;
   }
-  for (std::size_t m = 0; m < modes_.size(); ++m)
-    for (std::size_t l = 0; l < modes_.size(); ++l) {
-      const FreeMode &row = modes_[m], &column = modes_[l];
+  for (std::size_t m = 0; m < modes.size(); ++m)
+    for (std::size_t l = 0; l < modes.size(); ++l) {
+      const FreeMode &row = modes[m], &column = modes[l];
       double &qq = heated_(index(2 * m), index(2 * l)), &qv = heated_(index(2 * m), index(2 * l + 1)),
              &vq = heated_(index(2 * m + 1), index(2 * l)), &vv = heated_(index(2 * m + 1), index(2 * l + 1));
       const double a = row.qq * qq + row.qv * vq, b = row.qq * qv + row.qv * vv;
@@ -190,13 +218,18 @@ void EngagedHeat::step_free() {
       vq = c * column.qq + d * column.qv;
       vv = c * column.vq + d * column.vv;
     }
-  for (std::size_t m = 0; m < modes_.size(); ++m) {
-    const FreeMode& mode = modes_[m];
+  for (std::size_t m = 0; m < modes.size(); ++m) {
+    const FreeMode& mode = modes[m];
     heated_(index(2 * m), index(2 * m)) += mode.heat_qq;
     heated_(index(2 * m), index(2 * m + 1)) += mode.heat_qv;
     heated_(index(2 * m + 1), index(2 * m)) += mode.heat_qv;
     heated_(index(2 * m + 1), index(2 * m + 1)) += mode.heat_vv;
   }
+}
+
+void EngagedHeat::record(std::size_t step) {
+  tip_rows_.row(index(step)) = tip_.head(order_);
+  variance_[step] = tip_variance_;
 }
 
 // P, the sum of Phi^j <n n'> Phi'^j over j = 0, 1, …, by doubling the number of its terms.
@@ -208,9 +241,8 @@ bool EngagedHeat::find_beginning() {
     beginning_ += squared_.lazyProduct(power_.transpose());
     squared_.noalias() = power_.lazyProduct(power_);
     power_ = squared_;
-    if (!std::isfinite(beginning_.trace())) return false;
   }
-  if (!(power_.squaredNorm() <= forgotten)) return false;
+  if (!(power_.squaredNorm() <= forgotten) || !beginning_.allFinite()) return false;
   double sum = 0.0;
   for (std::size_t i = 0; i < size_; ++i) {
     felt_.noalias() = beginning_.lazyProduct(tip_rows_.row(index(i)).transpose());
@@ -218,7 +250,7 @@ bool EngagedHeat::find_beginning() {
     sum += variance_[i];
   }
   mean_variance_ = sum / static_cast<double>(size_);
-  return mean_variance_ < unstable * free_variance_;
+  return true;
 }
 
 // <D D'> of the mean of windows that follow each other: <D_k D_0'> = C Phi^(k-1) <x_1 D_0'>.
@@ -231,7 +263,8 @@ void EngagedHeat::average_windows() {
   correlated_.noalias() = carried_.leftCols(order_).lazyProduct(later_);
   correlated_ += carried_.rightCols(seen_.rows());
   covariance_ /= static_cast<double>(windows_);
-  for (unsigned k = 1; k < windows_; ++k) {
+  for (unsigned k = 1; k < windows_ && correlated_.squaredNorm() > forgotten * covariance_.squaredNorm();
+       ++k) {
     const double share = static_cast<double>(windows_ - k) / (static_cast<double>(windows_) * windows_);
     covariance_ += share * of_beginning.lazyProduct(correlated_);
     covariance_ += share * correlated_.transpose().lazyProduct(of_beginning.transpose());

@@ -8,8 +8,11 @@
 // and what its tones see of it, D = (2/T) int sum_m q_m exp(-iwt) dt, is C x + n': whatever the harmonics
 // that the surface couples. Where windows begin, the covariance of x is P = Phi P Phi' + <n n'> (Lyapunov's
 // equation of a periodic system; for the stochastic one: Risken 1989, The Fokker-Planck equation, section
-// 6.5). All of it comes from one integration over the window: the free modes exactly from step to step, the
-// surface by kicks between (Strang 1968, SIAM J. Numer. Anal. 5, 506).
+// 6.5). All of it comes from one integration over the window: the free modes exactly from kick to kick of
+// the surface (Strang 1968, SIAM J. Numer. Anal. 5, 506), the more often the stiffer it is.
+//
+// Where powers of Phi grow the periodic motion does not last but, say, doubles its period (Floquet; Nayfeh,
+// Balachandran 1995, Applied Nonlinear Dynamics, 3.3).
 #pragma once
 
 #include <Eigen/Core>
@@ -36,8 +39,8 @@ class EngagedHeat {
   // kB T sum 1/k_m, nm^2.
   double free_variance() const { return free_variance_; }
 
-  // What follows is for this gradient, whose spans need not outlive the call. False where the motion is
-  // unstable: then nothing is known of it.
+  // What follows is for this gradient, whose spans need not outlive the call. False where the periodic motion
+  // is unstable: then there is nothing to tell.
   bool engage(const ForceGradient& gradient);
 
   // Of the tones' phasors, rows (re, im) of each, nm^2, the window beginning at time 0.
@@ -48,18 +51,26 @@ class EngagedHeat {
   void standard_deviation(double seen, std::span<std::complex<double>> phasors);
 
  private:
-  struct FreeMode {                    // over a step, of (q, q'/w)
+  struct FreeMode {                    // from kick to kick, of (q, q'/w)
     double qq, qv, vq, vv;             // what becomes of either
     double heat_qq, heat_qv, heat_vv;  // covariance that heat adds
-    double kick;                       // of q'/w by 1 nN for 1 s, nm
+  };
+  struct Pace {
+    std::size_t kicks;  // half a step
+    double between_s;
+    std::vector<FreeMode> modes;
   };
 
+  static FreeMode free_mode(const Mode& mode, double temperature_k, double duration_s);
+  const Pace& pace(std::size_t step) const;
   void integrate();
+  void half_step(std::size_t step);
   void kick(double stiffness, double damping, double duration_s);
+  void move_freely(const std::vector<FreeMode>& modes);
   void set_weight(std::size_t tone, std::complex<double> weight);
   void see(const Eigen::VectorXd& of);
   void see_end(double sign);
-  void step_free();
+  void record(std::size_t step);
   bool find_beginning();
   void average_windows();
 
@@ -69,8 +80,9 @@ class EngagedHeat {
   std::size_t size_;  // steps a period
   double step_s_;
   double free_variance_ = 0.0;
-  std::vector<FreeMode> modes_;
-  double push_ = 0.0;                             // of the tip's velocity by 1 nN for 1 s, nm/s
+  std::vector<Pace> paces_;                       // every one twice as quick as that before
+  std::vector<double> kicks_;                     // a mode: of q'/w by 1 nN for 1 s, nm
+  double push_ = 0.0;                             // the same of the tip's velocity, nm/s
   std::vector<std::size_t> tones_;                // harmonics
   std::vector<std::complex<double>> weights_;     // 2/(steps a window) exp(-i 2 pi j/size_)
   std::vector<double> by_surface_, by_velocity_;  // dF/dp0 and dF/dv over the period

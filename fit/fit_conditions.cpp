@@ -14,13 +14,6 @@
 namespace combforce {
 namespace {
 
-// The model, and those that it is compared with.
-std::vector<std::string> models_of(const FitSettings& settings) {
-  std::vector<std::string> models{settings.model};
-  models.insert(models.end(), settings.compare.begin(), settings.compare.end());
-  return models;
-}
-
 // Of any of them.
 const ParameterInfo* find_parameter(const FitSettings& settings, const std::string& name) {
   for (const std::string& model : models_of(settings))
@@ -115,6 +108,12 @@ void validate_comparison(const FitConditions& conditions) {
 }
 
 }  // namespace
+
+std::vector<std::string> models_of(const FitSettings& settings) {
+  std::vector<std::string> models{settings.model};
+  models.insert(models.end(), settings.compare.begin(), settings.compare.end());
+  return models;
+}
 
 FitSettings single_fit(FitSettings settings, const std::string& model) {
   settings.model = model;

@@ -67,6 +67,9 @@ struct FitConditions {
 // Throws std::invalid_argument naming field, value and bound.
 void validate(const FitConditions& conditions);
 
+// The model, and those that it is compared with.
+std::vector<std::string> models_of(const FitSettings& settings);
+
 // Of this model, without what a fit repeats itself for: profile intervals, calibration errors, other models
 // and their bounds.
 FitSettings single_fit(FitSettings settings, const std::string& model);

@@ -28,8 +28,8 @@ enum class FitStatus : std::uint8_t {
   not_fitted,        // the pool was full: parameters NaN; refit from the recording
   flagged,           // the pixel carries a flag: parameters NaN
   // Parameters to be distrusted: chi^2 says that the model does not explain the pixel; or, with noise known
-  // or not, where the window holds several periods of the comb, the motion that a refined fit found would not
-  // last but double its period (period_doubling.hpp).
+  // or not, the motion that a refined fit found would not last but, say, double its period
+  // (engaged_heat.hpp). The tones of a window that holds both periods show nothing of it.
   misfit,
   ambiguous  // other parameters explain the pixel as well: see `alternative`
 };

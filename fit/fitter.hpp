@@ -24,7 +24,7 @@ struct FitterSetup {
   std::size_t tones;
   std::span<const Bounds> bounds;  // one a parameter
   const Harmonics* harmonics;      // outlives the fitter; null: the paper's fit
-  EngagedHeat* heat;               // of a refined fit, outlives the fitter; null: noise is not known
+  EngagedHeat* heat;               // the same
   std::uint32_t refine;            // iterations beyond the paper's fit, from each start
   bool profile_intervals;          // of a refined fit
 };

@@ -37,11 +37,6 @@ struct ForceGradient {
     }
     return coupled(j - k, j + k, turn);
   }
-  // The same of a small motion half a spacing above harmonic m, and the force half a spacing above n.
-  Coupling coupling_between(std::size_t n, std::size_t m) const {
-    const auto j = static_cast<std::ptrdiff_t>(n), k = static_cast<std::ptrdiff_t>(m);
-    return coupled(j - k, j + k + 1, Complex(0.0, spacing * (static_cast<double>(m) + 0.5)));
-  }
 
  private:
   // Of a motion with velocity `turn` times itself, `difference` and `sum` of the harmonics apart.

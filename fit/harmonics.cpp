@@ -49,15 +49,12 @@ Harmonics::Harmonics(const Comb& comb, const Cantilever& cantilever, double delt
                static_cast<std::size_t>(std::min(std::ceil(harmonics), static_cast<double>(most_harmonics))));
   is_tone_.resize(band + 1);
   for (const std::size_t tone : tones_) is_tone_[tone] = true;
-  std::vector<std::size_t> others, all;
+  std::vector<std::size_t> others;
   for (std::size_t n = 0; n <= band; ++n) {
     response_.push_back(tip_response(cantilever, static_cast<double>(n) * spacing_hz_));
-    response_between_.push_back(tip_response(cantilever, (static_cast<double>(n) + 0.5) * spacing_hz_));
     if (!is_tone_[n]) others.push_back(n);
-    all.push_back(n);
   }
   strong_ = strongest(others, [&](std::size_t n) { return std::abs(response_[n]); });
-  strong_between_ = strongest(all, [&](std::size_t n) { return std::abs(response_between_[n]); });
 }
 
 }  // namespace combforce

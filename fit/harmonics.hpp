@@ -44,19 +44,14 @@ class Harmonics {
   // Off the comb, those with the greatest |chi|, greatest first: they couple most strongly.
   std::span<const std::size_t> strong() const { return strong_; }
 
-  // Half a spacing above the harmonics, where a motion of twice the period has its own: chi, of 0 … band, and
-  // those with the greatest |chi|, greatest first.
-  const std::vector<std::complex<double>>& response_between() const { return response_between_; }
-  std::span<const std::size_t> strong_between() const { return strong_between_; }
-
  private:
   std::vector<std::size_t> tones_;
   std::size_t highest_tone_ = 0;
   std::uint64_t periods_ = 1;
   double spacing_hz_ = 0.0;
   std::vector<bool> is_tone_;
-  std::vector<std::complex<double>> response_, response_between_;
-  std::vector<std::size_t> strong_, strong_between_;
+  std::vector<std::complex<double>> response_;
+  std::vector<std::size_t> strong_;
 };
 
 }  // namespace combforce

@@ -60,7 +60,7 @@ class ModelFitter : public Fitter {
     solver_.Solve(residuals_, &x_);
     if constexpr (refines)
       if (setup.harmonics != nullptr)
-        refined_.emplace(*setup.harmonics, setup.heat, setup.refine, setup.profile_intervals);
+        refined_.emplace(*setup.harmonics, *setup.heat, setup.refine, setup.profile_intervals);
   }
 
   void fit(const MeasuredForce& measured, std::span<const std::complex<double>> tones,

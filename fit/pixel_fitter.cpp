@@ -189,8 +189,9 @@ class PixelFitter::State {
   }
 
   std::unique_ptr<EngagedHeat> heat_of(const FitConditions& conditions) const {
-    if (!harmonics_ || !conditions.noise) return nullptr;
-    return std::make_unique<EngagedHeat>(*harmonics_, conditions.cantilever, conditions.noise->temperature_k,
+    if (!harmonics_) return nullptr;
+    return std::make_unique<EngagedHeat>(*harmonics_, conditions.cantilever,
+                                         conditions.noise ? conditions.noise->temperature_k : 0.0,
                                          conditions.windows);
   }
 
@@ -221,7 +222,7 @@ class PixelFitter::State {
   std::size_t tones_;
   bool refers_;
   std::unique_ptr<Harmonics> harmonics_;  // null: the paper's fit
-  std::unique_ptr<EngagedHeat> heat_;     // null: so is that, or noise is not known
+  std::unique_ptr<EngagedHeat> heat_;     // the same
   MeasuredForce measured_;
   ForceBalance balance_;
   std::unique_ptr<Fitter> fitter_;

@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <optional>
 #include <ranges>
 #include <span>
 #include <vector>
@@ -19,7 +18,6 @@
 #include "fit/harmonic_balance.hpp"
 #include "fit/loosened_balance.hpp"
 #include "fit/measured_force.hpp"
-#include "fit/period_doubling.hpp"
 #include "fit/self_consistent.hpp"
 #include "fit/trench.hpp"
 #include "fit/uncertainty.hpp"
@@ -34,23 +32,21 @@ class RefinedFit {
  public:
   using Parameters = std::array<double, Model::parameters>;
 
-  // `most`: iterations from each start, at least 1. `harmonics` and, where noise is known (else null), `heat`
-  // outlive the fit.
-  RefinedFit(const Harmonics& harmonics, EngagedHeat* heat, std::uint32_t most, bool profile_intervals)
+  // `most`: iterations from each start, at least 1. `harmonics` and `heat` outlive the fit.
+  RefinedFit(const Harmonics& harmonics, EngagedHeat& heat, std::uint32_t most, bool profile_intervals)
       : profile_intervals_(profile_intervals),
         balance_(harmonics),
         fit_(balance_),
         loosened_(balance_),
-        doubling_(balance_),
+        heat_(&heat),
+        warm_(heat, balance_, fit_, quadrature_level, most),
         most_(most),
         rows_(balance_.rows()),
         jacobian_(rows_, Model::parameters),
         shift_(rows_),
         best_root_(rows_, rows_),
         best_deviation_(harmonics.band() + 1),
-        ones_(harmonics.tones().size(), 1.0) {
-    if (heat != nullptr) warm_.emplace(*heat, balance_, fit_, quadrature_level, most);
-  }
+        ones_(harmonics.tones().size(), 1.0) {}
 
   // Fills `result`. `starts`: best first, at least one, all tried; `further`, the softest surface last: tried
   // until one explains the pixel when none of `starts` does. When all of them lead astray, `starts` and the
@@ -135,7 +131,7 @@ class RefinedFit {
     if (solution.converged) {
       if (is_known(solution.p)) return false;
       const Parameters led = solution.p;
-      if (warm_) warm_->search(measured, solution, result.iterations);
+      if (measured.noise_known()) warm_.search(measured, solution, result.iterations);
       if (solution.converged) remember(led);
     }
     if (!better(solution, best)) {
@@ -148,7 +144,7 @@ class RefinedFit {
     best_root_ = balance_.whitening();
     best_deviation_ = balance_.deviation();
     off_comb_ = fit_.off_comb_exchange();
-    lasting_ = balance_.harmonics().periods() == 1 || !doubling_.branches_off();
+    lasting_ = heat_->engage(balance_.gradient());
     estimate_quadrature_error(best, result);
     return true;
   }
@@ -260,9 +256,9 @@ class RefinedFit {
   bool profile_intervals_;
   HarmonicBalance<Model> balance_;
   SelfConsistentFit<Model> fit_;
-  std::optional<WarmFit<Model>> warm_;
   LoosenedBalance<Model> loosened_;
-  PeriodDoubling<Model> doubling_;
+  EngagedHeat* heat_;
+  WarmFit<Model> warm_;
   std::uint32_t most_;
   Eigen::Index rows_;
   Eigen::MatrixXd jacobian_;  // whitened, of the best solution

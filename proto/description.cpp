@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "fit/force_model.hpp"
+#include "fit/model_list.hpp"
 
 namespace combforce {
 namespace {
@@ -27,9 +28,7 @@ void encode_one(Json& object, const std::optional<T>& source, std::string_view p
 
 // What some models cannot do.
 std::optional<Contradiction> find_contradiction(const FitSettings& fit) {
-  std::vector<std::string> models{fit.model};
-  models.insert(models.end(), fit.compare.begin(), fit.compare.end());
-  for (const std::string& model : models)
+  for (const std::string& model : models_of(fit))
     if (const std::string_view why = why_partial_fit_only(find_model(model)); fit.refine > 0 && !why.empty())
       return Contradiction{"/fit/refine",
                            fmt::format("is {}, must be 0 for model \"{}\": {}", fit.refine, model, why)};
@@ -89,6 +88,28 @@ std::optional<Contradiction> find_contradiction(const Description& description) 
                       description.comb->window_samples)};
   }
   return std::nullopt;
+}
+
+std::vector<std::string> find_doubts(const Description& description) {
+  std::vector<std::string> doubts;
+  const FitSettings fit = description.fit.value_or(FitSettings{});
+  if (fit.background == Background::linear && description.free_response &&
+      !description.free_response->lifted_nm)
+    doubts.emplace_back(
+        "fit.background is \"linear\" and the free response has no lifted_nm: without a lifted response "
+        "every pixel is no_free_response");
+  if (!description.cantilever || !description.comb) return doubts;
+  const std::size_t told = 2 * description.comb->tones.size();
+  for (const std::string& name : models_of(fit)) {
+    const ModelInfo& model = find_model(name);
+    const bool polynomial = visit_model(model, [](auto of) { return IsPolynomial<decltype(of)>; });
+    if (model.parameters.size() <= told || polynomial) continue;  // its fit says itself what it cannot tell
+    doubts.push_back(
+        fmt::format("fit: model {} has {} parameters, and the comb tells {} numbers a pixel (two a tone): it "
+                    "cannot determine them",
+                    name, model.parameters.size(), told));
+  }
+  return doubts;
 }
 
 Description decode_description(const JsonView& object, std::string_view prefix, UnknownKeys unknown) {

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "dsp/channel.hpp"
 #include "dsp/comb.hpp"
@@ -42,6 +43,10 @@ struct Contradiction {
   std::string pointer, message;
 };
 std::optional<Contradiction> find_contradiction(const Description& description);
+
+// For people: what is allowed, but hardly meant. A linear background without a lifted response, a model of
+// more parameters than the tones can tell.
+std::vector<std::string> find_doubts(const Description& description);
 
 // Decoders check type, keys and the bounds of each field, and throw InputError with the pointer of the field;
 // decode(encode(x)) == x for valid x. Recordings may hold unknown keys of a newer minor version: `unknown`

@@ -39,6 +39,11 @@ CombExtractor extractor_of(const StreamInfo& info, const Analysis& analysis) {
 
 }  // namespace
 
+std::complex<double> nm_per_volt(const Description& description, double frequency_hz) {
+  if (description.cantilever) return tip_per_volt(*description.cantilever, frequency_hz);
+  return description.channels ? description.channels->front().nm_per_v.value_or(1.0) : 1.0;
+}
+
 std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Description description) {
   if (!description.comb)
     throw std::invalid_argument(
@@ -53,15 +58,12 @@ std::shared_ptr<const Analysis> make_analysis(const StreamInfo& info, Descriptio
   const Description& described = analysis->description;
   analysis->layout = layout_of(described);
   validate(analysis->layout, described.comb->window_samples);
-  analysis->tip_per_volt.assign(described.comb->tones.size(),
-                                described.channels->front().nm_per_v.value_or(1.0));
+  if (described.cantilever) validate(*described.cantilever);
+  const double delta_f_hz = info.sample_rate_hz / static_cast<double>(described.comb->window_samples);
+  for (const Tone& tone : described.comb->tones)
+    analysis->tip_per_volt.push_back(nm_per_volt(described, static_cast<double>(tone.bin) * delta_f_hz));
   if (described.cantilever) {
-    validate(*described.cantilever);
     analysis->ring_down_samples = longest_ring_down_s(*described.cantilever) * info.sample_rate_hz;
-    const double delta_f_hz = info.sample_rate_hz / static_cast<double>(described.comb->window_samples);
-    for (std::size_t i = 0; i < analysis->tip_per_volt.size(); ++i)
-      analysis->tip_per_volt[i] =
-          tip_per_volt(*described.cantilever, static_cast<double>(described.comb->tones[i].bin) * delta_f_hz);
     validate(conditions_of(info, *analysis));
     analysis->model = &find_model(described.fit.value_or(FitSettings{}).model);
   }

@@ -15,15 +15,17 @@
 
 namespace combforce {
 
+// Tip deflection per volt of channel 0 at a tone: chi/chi_V with a cantilever, without one the channel's
+// nm_per_v (1 where that is not said either).
+std::complex<double> nm_per_volt(const Description& description, double frequency_hz);
+
 // Immutable; shared by everything that still refers to it.
 struct Analysis {
-  Description description;           // channels and comb are always present
-  ScanLayout layout;                 // description.scan, or one window a pixel without it
-  const ModelInfo* model = nullptr;  // null: no cantilever, so nothing to fit with
-  // Tip deflection per volt of channel 0, one a tone: chi/chi_V with a cantilever, without one the channel's
-  // nm_per_v (1 when it has none).
-  std::vector<std::complex<double>> tip_per_volt;
-  double ring_down_samples = 0.0;  // longest of the cantilever; 0 when not known
+  Description description;                         // channels and comb are always present
+  ScanLayout layout;                               // description.scan, or one window a pixel without it
+  const ModelInfo* model = nullptr;                // null: no cantilever, so nothing to fit with
+  std::vector<std::complex<double>> tip_per_volt;  // nm_per_volt() of every tone
+  double ring_down_samples = 0.0;                  // longest of the cantilever; 0 when not known
 
   const TipGeometry* tip() const {  // null: not described
     return description.fit && description.fit->tip ? &*description.fit->tip : nullptr;

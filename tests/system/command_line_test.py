@@ -173,6 +173,18 @@ class Configurations(SystemTest):
         self.assertEqual(3, done.returncode, done.stderr)
         self.assertIn("none.gsf: cannot be read", done.stderr)
 
+    def test_what_is_hardly_meant_is_said(self):
+        configuration = small_instrument()
+        _, done = self.check(json.dumps(configuration))
+        self.assertEqual("", done.stderr)
+        configuration["fit"] = {"model": "dmt"}  # four parameters of two tones: determined, if badly
+        _, done = self.check(json.dumps(configuration))
+        self.assertEqual((0, ""), (done.returncode, done.stderr))
+        configuration["comb"]["tones"] = [{"bin": 100}]
+        _, done = self.check(json.dumps(configuration))
+        self.assertEqual(0, done.returncode, done.stderr)
+        self.assertIn("fit: model dmt has 4 parameters, and the comb tells 2 numbers", done.stderr)
+
     def test_malformed(self):
         self.refused('{"log_level": ', "line 1")
 

@@ -119,6 +119,24 @@ TEST(EngagedSpread, IsThatOfEquipartitionOnASpring) {
   EXPECT_NEAR(spread.at(1.0), std::sqrt(heat_nn_nm / 0.12), 1e-3 * std::sqrt(heat_nn_nm / 0.12));
 }
 
+// A thousand times as stiff as the lever; the kicks, made often enough, leave a percent of the stiffness.
+TEST(EngagedSpread, IsThatOfEquipartitionOnAWall) {
+  const Spread spread = spread_over({{50.0}, {0.0}}, one_mode);
+  ASSERT_TRUE(spread.stable);
+  EXPECT_NEAR(spread.at(1.0), std::sqrt(heat_nn_nm / 50.05), 5e-3 * std::sqrt(heat_nn_nm / 50.05));
+}
+
+TEST(EngagedSpread, IsNoneWithoutHeat) {
+  const Harmonics harmonics = test::harmonics(soft);
+  EngagedHeat heat(harmonics, soft, 0.0, 3);
+  const std::vector<Complex> by_surface{0.05, 0.06};
+  std::vector<Complex> phasors(harmonics.band() + 1, 1.0);
+  ASSERT_TRUE(heat.engage({by_surface, {}, harmonics.angular_frequency(1)}));
+  EXPECT_EQ(heat.covariance().norm(), 0.0);
+  heat.standard_deviation(0.0, phasors);
+  EXPECT_EQ(phasors, std::vector<Complex>(harmonics.band() + 1));
+}
+
 // It rings for a hundred periods, and so long it takes to be what the surface makes of it.
 TEST(EngagedSpread, WaitsForALeverThatRings) {
   const Spread spread = spread_over({{0.02}, {0.0}}, Cantilever{{{1e3, 300.0, 0.05, 1.0}}});
@@ -167,7 +185,7 @@ TEST(EngagedSpread, IsNotKnownWhereTheMotionGrows) {
 TEST(EngagedSpread, DoesNotAllocate) {
   COMBFORCE_SKIP_UNLESS_ALLOCATIONS_COUNT();
   const Harmonics harmonics = test::harmonics(soft);
-  EngagedHeat heat(harmonics, soft, room_k, 1);
+  EngagedHeat heat(harmonics, soft, room_k, 3);
   const std::vector<Complex> by_surface{0.05, 0.06}, by_velocity{-1e-6, 0.0};
   std::vector<Complex> phasors(harmonics.band() + 1);
   const ForceGradient gradient{by_surface, by_velocity, harmonics.angular_frequency(1)};
