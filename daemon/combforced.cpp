@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "config/configuration.hpp"
 #include "config/field_message.hpp"
@@ -115,7 +114,7 @@ int run(const Options& options) {
   if (options.check) {
     PipelineOutputs outputs;
     outputs.event = [](const Event& event) { fmt::print(stderr, "combforced: {}\n", event.text); };
-    make_instrument(options, configuration, std::move(outputs));
+    make_instrument(options, configuration, outputs);
     std::printf("%s: good\n", options.config.c_str());
     return exit_done;
   }

@@ -74,19 +74,14 @@ std::vector<double> carry_covariance(const std::vector<double>& covariance, std:
   return carried;
 }
 
-// Of windows of one length so many that are as long as those of another; 0 is not known.
-std::uint64_t as_long(std::uint64_t windows, std::uint64_t samples, std::uint64_t other_samples) {
-  return windows == 0 ? 0 : std::max<std::uint64_t>(1, windows * samples / other_samples);
-}
-
-void carry(FreeResponse& response, std::span<const Carried> tones, std::uint64_t recorded_samples,
-           std::uint64_t samples) {
+void carry(FreeResponse& response, std::span<const Carried> tones, const Comb& recorded, const Comb& under) {
   if (response.covariance)
     response.covariance = carry_covariance(*response.covariance, response.mean_nm.size(), tones);
   if (response.lifted_nm) response.lifted_nm = carry(*response.lifted_nm, tones);
   response.mean_nm = carry(response.mean_nm, tones);
-  response.windows = as_long(response.windows, recorded_samples, samples);
-  response.lifted_windows = as_long(response.lifted_windows, recorded_samples, samples);
+  for (std::uint64_t* windows : {&response.windows, &response.lifted_windows})
+    if (*windows > 0)  // else it is not known
+      *windows = std::max<std::uint64_t>(1, *windows * recorded.window_samples / under.window_samples);
 }
 
 // That of a tone which was not recorded is its nearest neighbour's.
@@ -120,7 +115,7 @@ Description under_configuration(const Description& recorded, const Description& 
   if (!recorded.comb || !differs(recorded, under)) return under;
   if (recorded.free_response && !configured.free_response) {
     if (const auto tones = carried_tones(recorded, under, sample_rate_hz))
-      carry(*under.free_response, *tones, recorded.comb->window_samples, under.comb->window_samples);
+      carry(*under.free_response, *tones, *recorded.comb, *under.comb);
     else
       under.free_response.reset();
   }
