@@ -19,10 +19,6 @@ constexpr double forgotten = 1e-24;
 constexpr int most_doublings = 30;
 constexpr std::size_t looks = 64;  // a period, for what is forgotten: numbers should not become denormal
 
-Eigen::Index index(std::size_t i) {
-  return static_cast<Eigen::Index>(i);
-}
-
 }  // namespace
 
 EngagedHeat::FreeMode EngagedHeat::free_mode(const Mode& mode, double temperature_k, double duration_s) {

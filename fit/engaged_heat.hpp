@@ -61,6 +61,8 @@ class EngagedHeat {
     std::vector<FreeMode> modes;
   };
 
+  static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
   static FreeMode free_mode(const Mode& mode, double temperature_k, double duration_s);
   const Pace& pace(std::size_t step) const;
   void integrate();
