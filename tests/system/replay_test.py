@@ -47,9 +47,6 @@ class Configured(SystemTest):
             self.assertAlmostEqual(2, after["surface_position_nm"] / before["surface_position_nm"], delta=1e-4)
             self.assertAlmostEqual(2**-0.5, after["contact_strength_gpa_sqrt_nm"] / before["contact_strength_gpa_sqrt_nm"],
                                    delta=1e-4)
-            # The detector's noise is one of volts; thermal motion does not scale, and is the greater part here.
-            errors = [pixel["fit"]["std_errors"]["surface_position_nm"] for pixel in (one, other)]
-            self.assertLess(errors[1] / errors[0], 2)
 
     def test_another_order_of_the_tones(self):
         comb = dict(self.instrument["comb"], tones=self.instrument["comb"]["tones"][::-1])
